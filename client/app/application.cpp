@@ -13,9 +13,9 @@
 #include "client/app/adapters.h"
 #include "client/app/calibration_saver.h"
 #include "client/app/frame_loop.h"
+#include "client/app/images/image_link.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
-#include "client/app/pictures/picture_link.h"
 #include "client/app/rig_link.h"
 #include "client/app/rig_pilot.h"
 #include "client/app/run_outputs.h"
@@ -68,14 +68,14 @@ Result<ChosenCamera> of_file(const std::filesystem::path& path, Result<ChosenCam
 
 Result<ChosenCamera> choose_unknown_camera(const TrackOptions& options, const FrameSource& source) {
   const auto exact = source.builtin_calibration();
-  const auto size = exact ? PictureSize{exact->width, exact->height} : source.picture_size();
+  const auto size = exact ? ImageSize{exact->width, exact->height} : source.image_size();
   if (options.calibration)
     return of_file(
         *options.calibration,
         read_calibration(*options.calibration, size).and_then(rough_prior).and_then(make_from_prior));
   if (!size) {
     return fail(ErrorCode::kConfiguration, options.source +
-                                               ": the size of its pictures is not known before the first; "
+                                               ": the size of its images is not known before the first; "
                                                "pass a rough calibration with --calibration auto:FILE");
   }
   return make_from_prior(guess_camera(*size));
@@ -96,7 +96,7 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
                     "`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`, or a calibration of Kalibr, OpenCV, ROS, "
                     "ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI or PTAM");
   }
-  const auto parameters = read_calibration(*path, source.picture_size());
+  const auto parameters = read_calibration(*path, source.image_size());
   if (!parameters) return tl::unexpected(parameters.error());
   const auto nominal = options.reader || options.exact_camera ? std::nullopt : nominal_camera(*parameters);
   if (nominal) {
@@ -108,7 +108,7 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   return make_camera(*parameters).map(take);
 }
 
-/// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as
+/// A recording played in real time stands for a camera, whose images cost the processor nothing: as far as
 /// memory allows it is decoded before the clock starts, else ahead of it.
 std::unique_ptr<FrameSource> decode_ahead(std::unique_ptr<FrameSource> source, const TrackOptions& options,
                                           const Camera& camera, const Logger& log,
@@ -258,20 +258,20 @@ void press(RigCommander& commander, RigKey key) {
 }
 
 /// Null for who is nobody's. A camera without it is tracked all the same.
-std::unique_ptr<PictureLink> open_pictures(const TrackOptions& options, const CameraPtr& camera,
-                                           const Logger& log) {
+std::unique_ptr<ImageLink> open_images(const TrackOptions& options, const CameraPtr& camera,
+                                       const Logger& log) {
   if (options.wearer.empty()) return nullptr;
-  auto pictures =
-      PictureLink::open({options.wearer, options.name, options.domain, options.security}, camera, log);
-  if (pictures) return *std::move(pictures);
-  log->warn("no pictures go between the cameras of wearer {}: {}", options.wearer, pictures.error().message);
+  auto images =
+      ImageLink::open({options.wearer, options.name, options.domain, options.security}, camera, log);
+  if (images) return *std::move(images);
+  log->warn("no images go between the cameras of wearer {}: {}", options.wearer, images.error().message);
   return nullptr;
 }
 
-void show_others(ViewerLink& link, PictureLink& pictures) {
-  link.cameras = [&pictures] { return pictures.cameras(); };
-  link.choose_camera = [&pictures](const std::string& camera) { pictures.choose(camera); };
-  link.other = [&pictures] { return pictures.view(); };
+void show_others(ViewerLink& link, ImageLink& images) {
+  link.cameras = [&images] { return images.cameras(); };
+  link.choose_camera = [&images](const std::string& camera) { images.choose(camera); };
+  link.other = [&images] { return images.view(); };
 }
 
 ViewerLink viewer_link(Session& session, RigLink* rig = nullptr) {
@@ -287,14 +287,14 @@ ViewerLink viewer_link(Session& session, RigLink* rig = nullptr) {
 
 /// A window where there is a display and one is wanted; else null, and said why.
 std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr& camera, Session& session,
-                                    RigLink* rig, PictureLink* pictures, const Logger& log) {
+                                    RigLink* rig, ImageLink* images, const Logger& log) {
   if (options.headless) return nullptr;
   if (const std::string why = why_no_window(); !why.empty()) {
     log->info("no window: {}; running headless (--video shows the same)", why);
     return nullptr;
   }
   ViewerLink link = viewer_link(session, rig);
-  if (pictures != nullptr) show_others(link, *pictures);
+  if (images != nullptr) show_others(link, *images);
   return std::make_unique<Viewer>(
       camera, "cairn-track " + options.name,
       ViewerOptions{!options.reader, rig != nullptr, options.makes_maps(), options.wearer}, std::move(link),
@@ -311,10 +311,10 @@ struct Run {
   bool saves_calibration;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
-  std::unique_ptr<RigLink> rig;           ///< may be null
-  std::unique_ptr<PictureLink> pictures;  ///< may be null
-  std::unique_ptr<Viewer> viewer;         ///< may be null
-  std::vector<TimedLabel> labels;         ///< to be placed on the way
+  std::unique_ptr<RigLink> rig;       ///< may be null
+  std::unique_ptr<ImageLink> images;  ///< may be null
+  std::unique_ptr<Viewer> viewer;     ///< may be null
+  std::vector<TimedLabel> labels;     ///< to be placed on the way
 
   [[nodiscard]] bool stop_requested() const {
     return signals.stop_requested() || (viewer && viewer->quit_requested());
@@ -334,7 +334,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   const CameraPtr& camera = chosen->camera;
   if (auto status = prepare_to_find_camera(options, *chosen, log); !status)
     return tl::unexpected(status.error());
-  if (auto status = check_picture_size(**source, camera->parameters()); !status)
+  if (auto status = check_image_size(**source, camera->parameters()); !status)
     return tl::unexpected(status.error());
   auto imu = open_imu(options.source, **source, options.imu);
   if (!imu) return tl::unexpected(imu.error());
@@ -355,8 +355,8 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   auto rig = open_rig(options, **source, log);
   if (!rig) return tl::unexpected(rig.error());
   auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);
-  auto pictures = open_pictures(options, camera, log);
-  auto viewer = open_viewer(options, camera, **session, rig->get(), pictures.get(), log);
+  auto images = open_images(options, camera, log);
+  auto viewer = open_viewer(options, camera, **session, rig->get(), images.get(), log);
   return Run{options,
              log,
              signals,
@@ -366,7 +366,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              std::move(ahead),
              std::move(*session),
              *std::move(rig),
-             std::move(pictures),
+             std::move(images),
              std::move(viewer),
              std::move(*labels)};
 }
@@ -422,7 +422,7 @@ int track(Run& run) {
   std::vector<FrameObserver*> observers = {&stats};
   for (FrameObserver* output : outputs->observers()) observers.push_back(output);
   if (run.viewer) observers.push_back(run.viewer.get());
-  if (run.pictures) observers.push_back(run.pictures.get());
+  if (run.images) observers.push_back(run.images.get());
   std::optional<LabelPlacer> placer;
   if (run.options.labels)
     observers.push_back(&placer.emplace(run.labels, run.camera, viewer_link(*run.session), run.log));
@@ -468,9 +468,9 @@ int track(Run& run) {
         {run.options.rig, run.rig->describe(), counts.searches, counts.candidates, pilot->fixated()});
     run.rig->close();
   }
-  if (run.pictures) {
-    run.pictures->close();
-    stats.note_pictures(run.pictures->summary());
+  if (run.images) {
+    run.images->close();
+    stats.note_images(run.images->summary());
   }
   if (placer) placer->finish();
   const Status kept = saver ? saver->finish(stop) : Status();

@@ -63,7 +63,7 @@ Result<bool> FrameLoop::run(const std::function<bool()>& stop_requested) {
   }
   if (stop_requested()) return false;
   if (source_.is_live()) {
-    return fail(ErrorCode::kIo, source_.describe() + ": gives no pictures any more" +
+    return fail(ErrorCode::kIo, source_.describe() + ": gives no images any more" +
                                     (last_undecodable_ ? "; " + *last_undecodable_ : ""));
   }
   if (frames_tracked_on_ == 0) {

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// Parts of the picture's width.
+/// Parts of the image's width.
 constexpr double kPointed = 1.0 / 50;       ///< a finger or mouse means a point this near
 constexpr double kAround = 1.0 / 25;        ///< points that tell whether a label is hidden
 constexpr double kNeighbourhood = 1.0 / 5;  ///< points that tell the surface pointed at
@@ -23,7 +23,7 @@ constexpr size_t kNeighbours = 12;    ///< and more where these are all to one s
 constexpr double kOneSurface = 1.3;   ///< neighbours differ less in distance than by this factor
 constexpr double kLeastFacing = 0.1;  ///< cosine of ray and normal below which a plane is seen edge-on
 
-/// The seen points in the picture within `radius`, nearest first.
+/// The seen points in the image within `radius`, nearest first.
 std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vector2d& pixel, double radius) {
   std::vector<SeenPoint> near;
   std::copy_if(seen.begin(), seen.end(), std::back_inserter(near),

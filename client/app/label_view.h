@@ -12,11 +12,11 @@
 #include "common/map/label.h"
 #include "common/map/snapshot.h"
 
-/// What a picture with a pose shows of a map's labels, and what a person points at in it. Pure; distances
-/// within the picture grow with its width. Pixels are those of level 0.
+/// What an image with a pose shows of a map's labels, and what a person points at in it. Pure; distances
+/// within the image grow with its width. Pixels are those of level 0.
 namespace cairn {
 
-/// A map point that the tracker found in the picture.
+/// A map point that the tracker found in the image.
 struct SeenPoint {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< camera frame
@@ -30,7 +30,7 @@ struct LabelInView {
   double distance = 0;  ///< from the camera [map unit]
   bool hidden = false;  ///< behind something
 };
-/// The labels whose place lies in the picture, farthest first. One is hidden if at least two points found
+/// The labels whose place lies in the image, farthest first. One is hidden if at least two points found
 /// around it are clearly nearer than it is, and more of them than are not.
 [[nodiscard]] std::vector<LabelInView> labels_in_view(const std::vector<Label>& labels,
                                                       const SE3& camera_from_map, const Camera& camera,

@@ -272,11 +272,11 @@ TEST_F(LabelViewTest, SeenLabelsAreBrightAndHiddenOnesFaint) {
   const cv::Mat grey(480, 640, CV_8UC3, cv::Scalar(90, 90, 90));
   const auto colored = [&](bool hidden) {
     shown.hidden = hidden;
-    cv::Mat picture = grey.clone();
-    paint_labels(lay_out_labels({shown}, picture.size(), 1, painter_), {}, painter_, &picture);
-    EXPECT_GT(cv::norm(picture, grey, cv::NORM_L1), 0);
+    cv::Mat image = grey.clone();
+    paint_labels(lay_out_labels({shown}, image.size(), 1, painter_), {}, painter_, &image);
+    EXPECT_GT(cv::norm(image, grey, cv::NORM_L1), 0);
     cv::Mat channels[3];
-    cv::split(picture, channels);
+    cv::split(image, channels);
     return cv::countNonZero(channels[0] != channels[2]);
   };
   EXPECT_GT(colored(false), 500);

@@ -8,7 +8,7 @@ namespace cairn {
 MemorySource::MemorySource(FrameSource& recording, const std::function<bool()>& stop_requested)
     : frame_count_(recording.frame_count()),
       calibration_(recording.builtin_calibration()),
-      picture_size_(recording.picture_size()),
+      image_size_(recording.image_size()),
       description_(recording.describe()) {
   while (!stop_requested()) {
     auto item = recording.next();

@@ -21,13 +21,13 @@ class MemorySource final : public FrameSource {
   Result<std::optional<Frame>> next() override;
   std::optional<size_t> frame_count() const override { return frame_count_; }
   std::optional<CameraParameters> builtin_calibration() const override { return calibration_; }
-  std::optional<PictureSize> picture_size() const override { return picture_size_; }
+  std::optional<ImageSize> image_size() const override { return image_size_; }
   std::string describe() const override { return description_; }
 
  private:
   const std::optional<size_t> frame_count_;
   const std::optional<CameraParameters> calibration_;
-  const std::optional<PictureSize> picture_size_;
+  const std::optional<ImageSize> image_size_;
   const std::string description_;
   std::deque<Result<std::optional<Frame>>> items_;
 };

@@ -207,12 +207,12 @@ void Narrator::tell_imu(const FrameReport& report) {
     log_->info("frame {}: samples of the IMU come again", number_);
   if (imu == imu_) return;
   if (imu == ImuUse::kContradicts) {
-    log_->warn("frame {}: the IMU turns otherwise than the pictures do, and is not used: {}", number_,
+    log_->warn("frame {}: the IMU turns otherwise than the images do, and is not used: {}", number_,
                report.rig.empty()
                    ? "check --imu-mount, --imu-time-offset and that its rates are rad/s"
                    : "`cairn-rig calibrate` measures how it sits, and what its clock lacks to the camera's");
   } else if (imu_ == ImuUse::kContradicts) {
-    log_->info("frame {}: the IMU turns as the pictures do again, and is used", number_);
+    log_->info("frame {}: the IMU turns as the images do again, and is used", number_);
   }
   imu_ = imu;
 }

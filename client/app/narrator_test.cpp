@@ -55,7 +55,7 @@ TEST(Narrator, AGapOfTheImuIsSaidAfterTwoSecondsOnceAndItsEndToo) {
               HasSubstr("frame 300: samples of the IMU come again"));
 }
 
-TEST(Narrator, AGyroThatContradictsThePicturesIsSaidWithTheRemedyOfItsKind) {
+TEST(Narrator, AGyroThatContradictsTheImagesIsSaidWithTheRemedyOfItsKind) {
   EXPECT_THAT(Narration().of_imu(0, 10, ImuUse::kContradicts), HasSubstr("--imu-mount"));
   EXPECT_THAT(Narration().of_imu(0, 10, ImuUse::kContradicts, "follows"), HasSubstr("cairn-rig calibrate"));
   EXPECT_THAT(Narration().of_imu(0, 100, ImuUse::kNone), IsEmpty());

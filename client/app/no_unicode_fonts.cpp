@@ -14,7 +14,7 @@ std::optional<cv::Size> UnicodeFonts::size(const std::string& /*text*/, int /*he
 }
 
 bool UnicodeFonts::draw(const std::string& /*text*/, cv::Point /*baseline*/, int /*height*/,
-                        const cv::Scalar& /*ink*/, cv::Mat* /*picture*/) {
+                        const cv::Scalar& /*ink*/, cv::Mat* /*image*/) {
   return false;
 }
 

@@ -14,9 +14,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kReadableWidth = 640;  ///< [px] below this the picture is enlarged
-constexpr int kMostEnlarged = 4096;  ///< [px] height to which a narrow picture may grow by that
-/// [px] of the result: FFmpeg's MJPEG writes beyond its memory for pictures of 4 x 4044.
+constexpr int kReadableWidth = 640;  ///< [px] below this the image is enlarged
+constexpr int kMostEnlarged = 4096;  ///< [px] height to which a narrow image may grow by that
+/// [px] of the result: FFmpeg's MJPEG writes beyond its memory for images of 4 x 4044.
 constexpr int kLeastWidth = 64;
 constexpr int kStatusRow = 22;  ///< [px] height of a status line
 constexpr int kStatusRows = 2;
@@ -141,7 +141,7 @@ void Overlay::draw_background(const GrayView& image) {
 }
 
 /// Canvas coordinates with kShift binary digits. The centre of pixel 0 lies at (scale - 1) / 2 of the
-/// enlarged picture.
+/// enlarged image.
 cv::Point Overlay::to_canvas(const Eigen::Vector2d& pixel) const {
   const Eigen::Vector2d p = ((pixel.array() + 0.5) * scale_ - 0.5) * (1 << kShift);
   return {static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y()))};

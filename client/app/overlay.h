@@ -18,7 +18,7 @@
 
 namespace cairn {
 
-/// All that a picture of a frame shows: a value, so that it can be drawn later and elsewhere.
+/// All that an image of a frame shows: a value, so that it can be drawn later and elsewhere.
 struct OverlayFrame {
   GrayImagePtr image;
   Timestamp time;
@@ -52,16 +52,16 @@ struct OverlayStyle {
   LabelId selected;  ///< a label to be marked; none: 0
 };
 
-/// Draws the camera's picture with what the tracker knows: points found (coloured by pyramid level) and
+/// Draws the camera's image with what the tracker knows: points found (coloured by pyramid level) and
 /// missed (faint), trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, the
 /// map's labels, and two status lines below. Deterministic; used from one thread.
 class Overlay {
  public:
-  /// Small pictures are enlarged by a whole number, so that the status lines can be read. A picture of an odd
+  /// Small images are enlarged by a whole number, so that the status lines can be read. An image of an odd
   /// width gets one dark column more, one that stays narrower than 64 px what is missing.
   explicit Overlay(CameraPtr camera);
 
-  /// Of every picture drawn [px].
+  /// Of every image drawn [px].
   [[nodiscard]] cv::Size size() const;
   /// BGR; valid until the next call. `frame.image` must have the camera's size.
   [[nodiscard]] const cv::Mat& draw(const OverlayFrame& frame, const OverlayStyle& style = {});

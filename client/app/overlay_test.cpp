@@ -36,7 +36,7 @@ OverlayFrame plain_frame(const Camera& camera, int64_t ms = 0) {
   return frame;
 }
 
-/// A picture that no codec makes small.
+/// An image that no codec makes small.
 OverlayFrame noise_frame(const Camera& camera, int64_t ms) {
   std::mt19937 random(static_cast<unsigned>(ms));
   auto image = std::make_shared<GrayImage>(camera.width(), camera.height());
@@ -52,34 +52,34 @@ SE3 looking_down() {
   return {Eigen::Quaterniond(Eigen::AngleAxisd(2.4, Eigen::Vector3d::UnitX())), {0, 0, 1.2}};
 }
 
-/// Pixels with colour in them: the camera's picture is grey.
-int colored_pixels(const cv::Mat& picture, const cv::Rect& area) {
+/// Pixels with colour in them: the camera's image is grey.
+int colored_pixels(const cv::Mat& image, const cv::Rect& area) {
   cv::Mat channels[3];
-  cv::split(picture(area), channels);
+  cv::split(image(area), channels);
   return cv::countNonZero(channels[0] != channels[2]);
 }
 
 class OverlayTest : public ::testing::Test {
  protected:
-  [[nodiscard]] cv::Rect picture_area() const { return {0, 0, camera_->width(), camera_->height()}; }
+  [[nodiscard]] cv::Rect image_area() const { return {0, 0, camera_->width(), camera_->height()}; }
 
   CameraPtr camera_ = test_camera();
   Overlay overlay_{camera_};
 };
 
-TEST_F(OverlayTest, WithoutPoseThePictureStaysGreyAndTheStatusIsWritten) {
-  const auto& picture = overlay_.draw(plain_frame(*camera_));
-  EXPECT_EQ(picture.size(), overlay_.size());
-  EXPECT_EQ(colored_pixels(picture, picture_area()), 0);
-  EXPECT_GT(colored_pixels(picture, {0, camera_->height(), camera_->width(), 40}), 50);
+TEST_F(OverlayTest, WithoutPoseTheImageStaysGreyAndTheStatusIsWritten) {
+  const auto& image = overlay_.draw(plain_frame(*camera_));
+  EXPECT_EQ(image.size(), overlay_.size());
+  EXPECT_EQ(colored_pixels(image, image_area()), 0);
+  EXPECT_GT(colored_pixels(image, {0, camera_->height(), camera_->width(), 40}), 50);
 }
 
 TEST_F(OverlayTest, ALongStatusIsMadeToFit) {
   auto frame = plain_frame(*camera_);
   frame.note = "looking from where it was before; nobody answers, more cannot be done here";
-  const auto& picture = overlay_.draw(frame);
-  EXPECT_GT(colored_pixels(picture, {camera_->width() / 2, camera_->height(), camera_->width() / 2, 20}), 50);
-  EXPECT_EQ(colored_pixels(picture, {camera_->width() - 3, camera_->height(), 3, 20}), 0) << "nothing is cut";
+  const auto& image = overlay_.draw(frame);
+  EXPECT_GT(colored_pixels(image, {camera_->width() / 2, camera_->height(), camera_->width() / 2, 20}), 50);
+  EXPECT_EQ(colored_pixels(image, {camera_->width() - 3, camera_->height(), 3, 20}), 0) << "nothing is cut";
 }
 
 TEST_F(OverlayTest, TheGridLiesWhereTheCameraProjectsIt) {
@@ -88,8 +88,8 @@ TEST_F(OverlayTest, TheGridLiesWhereTheCameraProjectsIt) {
   frame.camera_from_map = looking_down();
   frame.map = MapId{{1}};
   frame.mean_depth = 1.2;
-  const cv::Mat picture = overlay_.draw(frame).clone();
-  EXPECT_GT(colored_pixels(picture, picture_area()), 1000);
+  const cv::Mat image = overlay_.draw(frame).clone();
+  EXPECT_GT(colored_pixels(image, image_area()), 1000);
   // Crossings of grid lines (a step of 0.1 for this depth) are coloured, places between them are not.
   int checked = 0;
   for (int i = -3; i <= 3; ++i) {
@@ -100,8 +100,8 @@ TEST_F(OverlayTest, TheGridLiesWhereTheCameraProjectsIt) {
     const auto around = [](const Eigen::Vector2d& p) {
       return cv::Rect(int(p.x()) - 1, int(p.y()) - 1, 3, 3);
     };
-    EXPECT_GT(colored_pixels(picture, around(*crossing)), 0) << i;
-    EXPECT_EQ(colored_pixels(picture, around(*between)), 0) << i;
+    EXPECT_GT(colored_pixels(image, around(*crossing)), 0) << i;
+    EXPECT_EQ(colored_pixels(image, around(*between)), 0) << i;
     ++checked;
   }
   EXPECT_GE(checked, 4);
@@ -115,12 +115,12 @@ TEST_F(OverlayTest, AGridThatPassesBehindTheCameraIsCutAndNotMirrored) {
   // Level with the plane's horizon, 5 cm above it, in its middle: half of the grid is behind.
   frame.camera_from_map =
       SE3(Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX())), {0, 0.05, 0});
-  const auto& picture = overlay_.draw(frame);
-  EXPECT_GT(colored_pixels(picture, {0, camera_->height() / 2 + 10, camera_->width(), 200}), 500);
+  const auto& image = overlay_.draw(frame);
+  EXPECT_GT(colored_pixels(image, {0, camera_->height() / 2 + 10, camera_->width(), 200}), 500);
   // Above the horizon there is only the upright map axis.
   const int middle = camera_->width() / 2;
-  EXPECT_EQ(colored_pixels(picture, {0, 0, middle - 20, camera_->height() / 2 - 10}), 0);
-  EXPECT_EQ(colored_pixels(picture, {middle + 20, 0, middle - 20, camera_->height() / 2 - 10}), 0);
+  EXPECT_EQ(colored_pixels(image, {0, 0, middle - 20, camera_->height() / 2 - 10}), 0);
+  EXPECT_EQ(colored_pixels(image, {middle + 20, 0, middle - 20, camera_->height() / 2 - 10}), 0);
 }
 
 TEST_F(OverlayTest, PointsAreColouredByLevelAndMissedOnesAreFaint) {
@@ -130,12 +130,12 @@ TEST_F(OverlayTest, PointsAreColouredByLevelAndMissedOnesAreFaint) {
     frame.points.push_back({PointId{1}, static_cast<uint8_t>(level), true, {x, 100}});
     frame.points.push_back({PointId{2}, static_cast<uint8_t>(level), false, {x, 200}});
   }
-  const auto& picture = overlay_.draw(frame);
+  const auto& image = overlay_.draw(frame);
   for (int level = 0; level < 4; ++level) {
     const int x = 100 + 100 * level;
-    EXPECT_GT(colored_pixels(picture, {x - 8, 92, 16, 16}), 3) << level;
-    EXPECT_EQ(colored_pixels(picture, {x - 8, 192, 16, 16}), 0) << level;
-    EXPECT_GT(picture.at<cv::Vec3b>(200, x)[0], 50) << level;
+    EXPECT_GT(colored_pixels(image, {x - 8, 92, 16, 16}), 3) << level;
+    EXPECT_EQ(colored_pixels(image, {x - 8, 192, 16, 16}), 0) << level;
+    EXPECT_GT(image.at<cv::Vec3b>(200, x)[0], 50) << level;
   }
 }
 
@@ -155,16 +155,16 @@ TEST_F(OverlayTest, LabelsStandAtTheirPlaceAndOnlyWhereThereIsAPose) {
   const cv::Rect place(396, 296, 9, 9);
   EXPECT_GT(colored_pixels(overlay_.draw(frame), place), 20);
   frame.camera_from_map.reset();
-  EXPECT_EQ(colored_pixels(overlay_.draw(frame), picture_area()), 0);
+  EXPECT_EQ(colored_pixels(overlay_.draw(frame), image_area()), 0);
 }
 
 TEST_F(OverlayTest, PointsCanBeLeftOut) {
   auto frame = plain_frame(*camera_);
   frame.points = {{PointId{1}, 0, true, {100, 100}}};
-  EXPECT_GT(colored_pixels(overlay_.draw(frame), picture_area()), 0);
+  EXPECT_GT(colored_pixels(overlay_.draw(frame), image_area()), 0);
   OverlayStyle style;
   style.points = false;
-  EXPECT_EQ(colored_pixels(overlay_.draw(frame, style), picture_area()), 0);
+  EXPECT_EQ(colored_pixels(overlay_.draw(frame, style), image_area()), 0);
 }
 
 TEST_F(OverlayTest, NoNumbersOfTheTrackerMakeItFail) {
@@ -182,7 +182,7 @@ TEST_F(OverlayTest, NoNumbersOfTheTrackerMakeItFail) {
   }
 }
 
-TEST(Overlay, SmallPicturesAreEnlargedToAReadableWidth) {
+TEST(Overlay, SmallImagesAreEnlargedToAReadableWidth) {
   const auto camera = test_camera(384, 288);
   Overlay overlay(camera);
   EXPECT_GE(overlay.size().width, 640);
@@ -191,7 +191,7 @@ TEST(Overlay, SmallPicturesAreEnlargedToAReadableWidth) {
   EXPECT_EQ(overlay.draw(plain_frame(*camera)).size(), overlay.size());
 }
 
-TEST(Overlay, PicturesOfAnySizeAreShownWholeOnEvenSides) {
+TEST(Overlay, ImagesOfAnySizeAreShownWholeOnEvenSides) {
   for (const auto& [width, height] : {std::pair(1, 1),
                                       {1, 480},
                                       {1, 4096},
@@ -207,27 +207,27 @@ TEST(Overlay, PicturesOfAnySizeAreShownWholeOnEvenSides) {
     auto white = std::make_shared<GrayImage>(width, height);
     for (int y = 0; y < height; ++y) std::fill_n(white->row(y), width, uint8_t{255});
     frame.image = std::move(white);
-    const cv::Mat& picture = overlay.draw(frame);
-    ASSERT_EQ(picture.size(), overlay.size());
-    EXPECT_EQ(picture.cols % 2, 0);
-    EXPECT_EQ(picture.rows % 2, 0);
-    EXPECT_LE(picture.cols, std::max(64, width * overlay.scale() + 1));
-    EXPECT_LE(picture.rows, std::max(height, 4096) + 64);
+    const cv::Mat& image = overlay.draw(frame);
+    ASSERT_EQ(image.size(), overlay.size());
+    EXPECT_EQ(image.cols % 2, 0);
+    EXPECT_EQ(image.rows % 2, 0);
+    EXPECT_LE(image.cols, std::max(64, width * overlay.scale() + 1));
+    EXPECT_LE(image.rows, std::max(height, 4096) + 64);
     const cv::Rect shown(0, 0, width * overlay.scale(), height * overlay.scale());
     double darkest = 0;
-    cv::minMaxLoc(picture(shown).clone().reshape(1), &darkest);
+    cv::minMaxLoc(image(shown).clone().reshape(1), &darkest);
     EXPECT_EQ(darkest, 255) << width << "x" << height;
   }
 }
 
 class VideoTest : public ::testing::Test {
  protected:
-  /// Pictures in a file and its rate.
+  /// Images in a file and its rate.
   static std::pair<int, double> read(const std::filesystem::path& path) {
     cv::VideoCapture file(path.string());
-    int pictures = 0;
-    for (cv::Mat picture; file.read(picture);) ++pictures;
-    return {pictures, file.get(cv::CAP_PROP_FPS)};
+    int images = 0;
+    for (cv::Mat image; file.read(image);) ++images;
+    return {images, file.get(cv::CAP_PROP_FPS)};
   }
 
   TestDirectory own_;
@@ -243,8 +243,8 @@ TEST_F(VideoTest, KeepsTimeAcrossMissingFrames) {
       (*writer)->push(plain_frame(*camera_, 40 * i));
     const auto status = (*writer)->finish();
     ASSERT_TRUE(status) << status.error().message;
-    const auto [pictures, rate] = read(directory_ / name);
-    EXPECT_EQ(pictures, 20) << name;
+    const auto [images, rate] = read(directory_ / name);
+    EXPECT_EQ(images, 20) << name;
     EXPECT_NEAR(rate, 25, 0.01) << name;
   }
 }
@@ -261,7 +261,7 @@ TEST_F(VideoTest, FewFramesMakeAVideoAndNoneAnEmptyFile) {
   EXPECT_TRUE((*none)->finish());
 }
 
-TEST_F(VideoTest, PicturesOfAnySizeMakeAVideo) {
+TEST_F(VideoTest, ImagesOfAnySizeMakeAVideo) {
   for (const auto& [width, height] : {std::pair(1, 1), {1, 1000}, {641, 16}, {1241, 377}, {4096, 1}}) {
     const auto camera = test_camera(width, height);
     for (const char* name : {"a.mp4", "a.avi", "a.mkv"}) {
@@ -275,7 +275,7 @@ TEST_F(VideoTest, PicturesOfAnySizeMakeAVideo) {
   }
 }
 
-/// A picture that is not the camera's cannot be drawn: stands for whatever OpenCV may throw.
+/// An image that is not the camera's cannot be drawn: stands for whatever OpenCV may throw.
 TEST_F(VideoTest, WhatTheEncoderThrowsIsAnErrorOfTheFileAndHoldsNobodyUp) {
   auto writer = VideoWriter::open(directory_ / "a.mp4", camera_, VideoWriter::WhenBehind::kWait);
   ASSERT_TRUE(writer);
@@ -295,13 +295,13 @@ TEST_F(VideoTest, AJumpOfTheStampsIsACut) {
 }
 
 TEST_F(VideoTest, InRealtimePushNeverWaitsAndWhatIsLeftOutIsCounted) {
-  auto writer = VideoWriter::open(directory_ / "busy.avi", camera_, VideoWriter::WhenBehind::kDropPictures);
+  auto writer = VideoWriter::open(directory_ / "busy.avi", camera_, VideoWriter::WhenBehind::kDropImages);
   ASSERT_TRUE(writer);
   constexpr int kFrames = 400;
   for (int i = 0; i < kFrames; ++i) (*writer)->push(plain_frame(*camera_, 40 * i));
   ASSERT_TRUE((*writer)->finish());
-  EXPECT_GT((*writer)->pictures_dropped(), 0U);
-  EXPECT_LT((*writer)->pictures_dropped(), static_cast<size_t>(kFrames));
+  EXPECT_GT((*writer)->images_dropped(), 0U);
+  EXPECT_LT((*writer)->images_dropped(), static_cast<size_t>(kFrames));
 }
 
 TEST_F(VideoTest, AFileThatCouldNotBeWrittenToItsEndIsTold) {

@@ -33,7 +33,7 @@ void RigPilot::on_frame(const FrameReport& report) {
   with_([&sight](RigCommander& commander) { commander.see(sight); });
 }
 
-/// The point that was found nearest to the middle of the picture.
+/// The point that was found nearest to the middle of the image.
 void RigPilot::choose(const FrameReport& report) {
   if (!options_.label.empty() || !report.snapshot || report.snapshot->map != report.result.map) return;
   const Eigen::Vector2d middle(0.5 * (camera_->width() - 1), 0.5 * (camera_->height() - 1));

@@ -13,7 +13,7 @@
 namespace cairn {
 
 struct RigPilotOptions {
-  std::string label;       ///< to be fixated; empty: the point that is in the middle of the picture
+  std::string label;       ///< to be fixated; empty: the point that is in the middle of the image
   bool makes_maps = true;  ///< else a camera without a map is lost
 };
 

@@ -62,7 +62,7 @@ Result<RunOutputs> RunOutputs::open(const TrackOptions& options, const CameraPtr
     outputs.stats_ = std::move(*stats);
   }
   if (options.video) {
-    const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropPictures
+    const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropImages
                                                              : VideoWriter::WhenBehind::kWait;
     auto video = VideoWriter::open(*options.video, camera, when_behind, stop_requested);
     if (!video) return tl::unexpected(video.error());
@@ -87,8 +87,8 @@ Status RunOutputs::close(const RunStats& stats, uint64_t bytes_sent, uint64_t by
       log_->error("{}", status.error().message);
   };
   if (video_) note(video_->finish());
-  if (video_ && video_->pictures_dropped() > 0)
-    log_->info("--video: {} pictures left out, tracking went first", video_->pictures_dropped());
+  if (video_ && video_->images_dropped() > 0)
+    log_->info("--video: {} images left out, tracking went first", video_->images_dropped());
   if (stats_) {
     (void)stats_->write(stats.to_json(bytes_sent, bytes_received));
     note(stats_->finish({}, stop_requested_));

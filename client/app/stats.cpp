@@ -207,11 +207,11 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
                    {"candidates", rig_->candidates}};
     if (const auto& point = rig_->fixated) json["rig"]["fixated"] = {point->x(), point->y(), point->z()};
   }
-  if (pictures_) {
-    json["pictures"] = {{"sent", pictures_->sent},
-                        {"received", pictures_->received},
-                        {"asked_s", std::chrono::duration<double>(pictures_->asked).count()},
-                        {"cpu_ms", std::chrono::duration<double, std::milli>(pictures_->cpu).count()}};
+  if (images_) {
+    json["pictures"] = {{"sent", images_->sent},
+                        {"received", images_->received},
+                        {"asked_s", std::chrono::duration<double>(images_->asked).count()},
+                        {"cpu_ms", std::chrono::duration<double, std::milli>(images_->cpu).count()}};
   }
   json["summary"] = {
       {"tracked_share", tracked_share()},
@@ -261,7 +261,7 @@ std::optional<std::string> RunStats::shortfall(const std::string& why_no_map) co
     words.push_back(
         fmt::format("most frames were dropped, {} of {}: they came faster than this machine tracks them; "
                     "--pace max takes "
-                    "every frame of a recording, smaller pictures or a lower rate suit a camera",
+                    "every frame of a recording, smaller images or a lower rate suit a camera",
                     dropped, frames_total_));
   }
   if (words.empty()) return std::nullopt;

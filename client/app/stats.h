@@ -47,10 +47,10 @@ struct RigSummary {
 };
 
 /// Between the cameras of one wearer on one host.
-struct PictureSummary {
+struct ImageSummary {
   size_t sent = 0;
   size_t received = 0;
-  std::chrono::nanoseconds asked{};  ///< how long somebody asked for pictures of this camera
+  std::chrono::nanoseconds asked{};  ///< how long somebody asked for images of this camera
   std::chrono::nanoseconds cpu{};    ///< of drawing and encoding them
 };
 
@@ -77,7 +77,7 @@ class RunStats final : public FrameObserver {
   [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
 
   void note_rig(RigSummary rig) { rig_ = std::move(rig); }
-  void note_pictures(PictureSummary pictures) { pictures_ = pictures; }
+  void note_images(ImageSummary images) { images_ = images; }
 
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.
   [[nodiscard]] std::vector<std::string> summary_lines() const;
@@ -118,7 +118,7 @@ class RunStats final : public FrameObserver {
 
   const FrameList list_;
   std::optional<RigSummary> rig_;
-  std::optional<PictureSummary> pictures_;
+  std::optional<ImageSummary> images_;
   std::vector<FrameRow> frames_;
   std::vector<AnswerRow> answers_;
   size_t frames_total_ = 0;

@@ -49,9 +49,9 @@ cv::Size TextPainter::size(const std::string& text, double scale, int thickness)
 }
 
 void TextPainter::draw(const std::string& text, cv::Point baseline, double scale, const cv::Scalar& ink,
-                       cv::Mat* picture, int thickness) const {
-  if (!is_ascii(text) && fonts_->draw(one_line(text), baseline, line_height(scale), ink, picture)) return;
-  cv::putText(*picture, with_question_marks(text), baseline, kStrokes, scale, ink, thickness, cv::LINE_AA);
+                       cv::Mat* image, int thickness) const {
+  if (!is_ascii(text) && fonts_->draw(one_line(text), baseline, line_height(scale), ink, image)) return;
+  cv::putText(*image, with_question_marks(text), baseline, kStrokes, scale, ink, thickness, cv::LINE_AA);
 }
 
 }  // namespace cairn

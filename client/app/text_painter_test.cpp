@@ -15,9 +15,9 @@ const cv::Scalar kPaper(10, 10, 10);
 const cv::Scalar kInk(250, 250, 250);
 
 cv::Mat drawn(const std::string& text) {
-  cv::Mat picture(60, 300, CV_8UC3, kPaper);
-  TextPainter().draw(text, {20, 40}, kScale, kInk, &picture);
-  return picture;
+  cv::Mat image(60, 300, CV_8UC3, kPaper);
+  TextPainter().draw(text, {20, 40}, kScale, kInk, &image);
+  return image;
 }
 
 bool is_equal(const cv::Mat& a, const cv::Mat& b) {
@@ -25,9 +25,9 @@ bool is_equal(const cv::Mat& a, const cv::Mat& b) {
 }
 
 /// What was painted on, in pixels.
-cv::Rect inked(const cv::Mat& picture) {
+cv::Rect inked(const cv::Mat& image) {
   cv::Mat grey;
-  cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
   return cv::boundingRect(grey > 60);
 }
 

@@ -33,7 +33,7 @@ constexpr const char* kFooter =
     "`cairn-track calibrate --help`: a calibration from a printed board\n\n"
     "Sources: tum:DIR, euroc:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
-    "images: takes times=FILE instead of fps=, and match=GLOB where pictures of several kinds lie side by "
+    "images: takes times=FILE instead of fps=, and match=GLOB where images of several kinds lie side by "
     "side. "
     "unit=s|ms|us|ns: what the times of a list count (tum:, euroc:, times=). Videos are turned upright as "
     "players show them; their calibration is for that size.\n"
@@ -104,7 +104,7 @@ void declare(CLI::App& app, Words& words) {
   app.add_option(
          "--imu", words.imu,
          "samples of the IMU on the camera, rows `time wx wy wz ax ay az` [ns or s, rad/s, m/s^2], or a "
-         "folder as EuRoC's imu0 [what lies beside the pictures of euroc: and tum:]")
+         "folder as EuRoC's imu0 [what lies beside the images of euroc: and tum:]")
       ->type_name("FILE|DIR");
   app.add_option(
          "--imu-mount", words.options.imu.mount,
@@ -135,14 +135,14 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("NAME");
   app.add_option("--wearer", options.wearer,
                  "who wears the camera: where another of the wearer's cameras is tracked, this one is looked "
-                 "for first; on one host the window shows the others' pictures too (key o)")
+                 "for first; on one host the window shows the others' images too (key o)")
       ->check(check_name)
       ->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("!--no-proposals", options.proposes,
-               "sends no pictures where a map takes proposals of who may not add to it, or is a reader");
+               "sends no images where a map takes proposals of who may not add to it, or is a reader");
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
   app.add_option("--map", options.map, "for who makes no maps: the only map to track in [any]")
       ->check(check_name)
@@ -162,7 +162,7 @@ void declare(CLI::App& app, Words& words) {
                  "writes TUM rows; exit code 1 where there is no map or most frames are dropped")
       ->type_name("FILE");
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
-  app.add_option("--video", words.video, "writes the picture with the tracker's view (.mp4, .mkv, .avi)")
+  app.add_option("--video", words.video, "writes the image with the tracker's view (.mp4, .mkv, .avi)")
       ->type_name("FILE");
   app.add_option("--labels", words.labels,
                  "with --headless: labels to be placed on the way, rows `timestamp x y text`: as if somebody "
@@ -176,7 +176,7 @@ void declare(CLI::App& app, Words& words) {
   app.add_option(
          "--rig-mode", words.rig_mode,
          "neutral: ahead, as the wearer points it, no search; follow: level, slowly with the wearer; "
-         "lock: the direction it has; fixate: the map point in the middle of the picture; search [follow]")
+         "lock: the direction it has; fixate: the map point in the middle of the image; search [follow]")
       ->check(CLI::IsMember({"neutral", "follow", "lock", "fixate", "search"}));
   app.add_option("--rig-search", words.rig_search,
                  "how the rig of a lost camera searches after the directions where maps were tracked last: "

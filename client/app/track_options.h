@@ -46,7 +46,7 @@ struct TrackOptions {
   std::string rig;                              ///< name of the rig that carries the camera; empty: none
   RigAim rig_aim = RigAim::kFollow;
   wire::RigSearchPattern rig_search = wire::RigSearchPattern::kSpiral;
-  std::string fixated_label;  ///< text; empty: what is in the middle of the picture
+  std::string fixated_label;  ///< text; empty: what is in the middle of the image
   ImuRequest imu;
   int verbosity = 0;  ///< as make_logger()
 

@@ -119,10 +119,10 @@ std::optional<cv::Size> UnicodeFonts::size(const std::string& text, int height) 
 }
 
 bool UnicodeFonts::draw(const std::string& text, cv::Point baseline, int height, const cv::Scalar& ink,
-                        cv::Mat* picture) {
+                        cv::Mat* image) {
   const Impl::Line& line = impl_->line_of(text);
   if (line.font == nullptr) return false;
-  line.font->face->putText(*picture, line.text, baseline, height, ink, cv::FILLED, cv::LINE_AA, true);
+  line.font->face->putText(*image, line.text, baseline, height, ink, cv::FILLED, cv::LINE_AA, true);
   return true;
 }
 

@@ -25,7 +25,7 @@ struct Codec {
   const char* ending;
   const char* fourcc;
 };
-/// In every build of FFmpeg, and cheap: H.264 takes nine times the processor time (29 against 3 ms a picture
+/// In every build of FFmpeg, and cheap: H.264 takes nine times the processor time (29 against 3 ms an image
 /// of 640x524), which the tracker needs more.
 constexpr std::array kCodecs = {Codec{".mp4", "mp4v"}, Codec{".mkv", "mp4v"}, Codec{".avi", "MJPG"}};
 
@@ -95,7 +95,7 @@ void VideoWriter::push(OverlayFrame frame) {
   while (waits && !changed_.wait_for(lock, kSlice, has_room)) waits = !stop_requested_();
   if (done_) return;  // finish() says why
   if (!has_room()) {
-    ++pictures_dropped_;
+    ++images_dropped_;
     return;
   }
   queue_.push_back(std::move(frame));
@@ -166,12 +166,12 @@ Status VideoWriter::open_file() {
   return {};
 }
 
-/// OpenCV does not say when a picture could not be written; what was cut short cannot be read back to its
+/// OpenCV does not say when an image could not be written; what was cut short cannot be read back to its
 /// end.
 Status VideoWriter::check_file() const {
-  // Not the last picture: Matroska has rounded times, and a long file's count is off by some from them.
+  // Not the last image: Matroska has rounded times, and a long file's count is off by some from them.
   constexpr double kNearTheEnd = 0.99;
-  const double place = std::floor(kNearTheEnd * static_cast<double>(pictures_written_ - 1));
+  const double place = std::floor(kNearTheEnd * static_cast<double>(images_written_ - 1));
   cv::VideoCapture file(path_.string(), cv::CAP_FFMPEG);
   if (file.isOpened() && file.set(cv::CAP_PROP_POS_FRAMES, place) &&
       file.get(cv::CAP_PROP_POS_FRAMES) >= place && file.grab()) {
@@ -180,20 +180,20 @@ Status VideoWriter::check_file() const {
   return fail(ErrorCode::kIo, path_.string() + ": is not complete; is the disk full?");
 }
 
-/// A gap in the stamps is filled with the picture before it.
+/// A gap in the stamps is filled with the image before it.
 void VideoWriter::write(const OverlayFrame& frame) {
   const double since_start = seconds_between(frame.time, start_);
   auto place = std::llround(since_start * frame_rate_);
   const auto longest = std::llround(kLongestStill * frame_rate_);
-  if (place < pictures_written_ - longest || place > pictures_written_ + longest) {
-    const auto written_ns = std::llround(static_cast<double>(pictures_written_) / frame_rate_ * 1e9);
+  if (place < images_written_ - longest || place > images_written_ + longest) {
+    const auto written_ns = std::llround(static_cast<double>(images_written_) / frame_rate_ * 1e9);
     start_ = frame.time + std::chrono::nanoseconds(-written_ns);
-    place = pictures_written_;
+    place = images_written_;
   }
-  for (; pictures_written_ < place; ++pictures_written_) file_.write(picture_);
-  picture_ = overlay_.draw(frame);
-  file_.write(picture_);
-  ++pictures_written_;
+  for (; images_written_ < place; ++images_written_) file_.write(image_);
+  image_ = overlay_.draw(frame);
+  file_.write(image_);
+  ++images_written_;
 }
 
 }  // namespace cairn

@@ -20,13 +20,13 @@
 namespace cairn {
 
 /// Draws and encodes the overlay video in a thread of its own (--video). The rate is that of the
-/// stamps of the first frames; while frames are missing the last picture stands still, so the video keeps
+/// stamps of the first frames; while frames are missing the last image stands still, so the video keeps
 /// time.
 class VideoWriter final : public FrameObserver {
  public:
   enum class WhenBehind : uint8_t {
-    kDropPictures,  ///< realtime: tracking goes first
-    kWait,          ///< every frame gets its picture, unless a stop is requested
+    kDropImages,  ///< realtime: tracking goes first
+    kWait,        ///< every frame gets its image, unless a stop is requested
   };
   using StopRequested = std::function<bool()>;
 
@@ -48,8 +48,8 @@ class VideoWriter final : public FrameObserver {
   /// Waits until the file is complete and checks that it is. An error when it could not be encoded or
   /// written. Call once, push() no more.
   [[nodiscard]] Status finish();
-  /// Pictures left out because the thread was behind. After finish().
-  [[nodiscard]] size_t pictures_dropped() const { return pictures_dropped_; }
+  /// Images left out because the thread was behind. After finish().
+  [[nodiscard]] size_t images_dropped() const { return images_dropped_; }
 
  private:
   VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind,
@@ -70,17 +70,17 @@ class VideoWriter final : public FrameObserver {
   std::deque<OverlayFrame> queue_;  ///< guarded by mutex_
   bool finishing_ = false;          ///< guarded by mutex_
   bool done_ = false;               ///< guarded by mutex_; nothing is taken from the queue any more
-  size_t pictures_dropped_ = 0;     ///< guarded by mutex_
+  size_t images_dropped_ = 0;       ///< guarded by mutex_
 
   // Of the thread.
   Overlay overlay_;
-  cv::Mat picture_;  ///< the last one written; shares the overlay's memory
+  cv::Mat image_;  ///< the last one written; shares the overlay's memory
   cv::VideoWriter file_;
   Status status_;
   std::vector<OverlayFrame> first_frames_;  ///< kept until the rate is known
   double frame_rate_ = 0;
   Timestamp start_;
-  int64_t pictures_written_ = 0;
+  int64_t images_written_ = 0;
   std::thread thread_;  ///< last: it uses all the above
 };
 

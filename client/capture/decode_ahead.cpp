@@ -8,7 +8,7 @@ namespace cairn {
 DecodeAhead::DecodeAhead(std::unique_ptr<FrameSource> source, size_t queue_frames)
     : frame_count_(source->frame_count()),
       calibration_(source->builtin_calibration()),
-      picture_size_(source->picture_size()),
+      image_size_(source->image_size()),
       description_(source->describe()),
       is_live_(source->is_live()),
       capacity_(is_live_ ? 1 : std::max<size_t>(1, queue_frames)),
@@ -44,7 +44,7 @@ void DecodeAhead::run() {
   }
 }
 
-/// What a decoder throws (no memory for a huge picture) is a frame that cannot be read.
+/// What a decoder throws (no memory for a huge image) is a frame that cannot be read.
 Result<std::optional<Frame>> DecodeAhead::next_of_source() {
   try {
     return source_->next();

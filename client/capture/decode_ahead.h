@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Decodes a source in a thread of its own, so that next() of the frame loop only takes a finished picture.
+/// Decodes a source in a thread of its own, so that next() of the frame loop only takes a finished image.
 /// Frames and errors come out in the order of the source. A recording waits for the consumer; a live source
 /// does not: what the consumer is too slow for is dropped, oldest first, and shows as a gap in Frame::index.
 class DecodeAhead final : public FrameSource {
@@ -25,7 +25,7 @@ class DecodeAhead final : public FrameSource {
   Result<std::optional<Frame>> next() override;
   std::optional<size_t> frame_count() const override { return frame_count_; }
   std::optional<CameraParameters> builtin_calibration() const override { return calibration_; }
-  std::optional<PictureSize> picture_size() const override { return picture_size_; }
+  std::optional<ImageSize> image_size() const override { return image_size_; }
   std::string describe() const override { return description_; }
   bool is_live() const override { return is_live_; }
 
@@ -36,7 +36,7 @@ class DecodeAhead final : public FrameSource {
   // Copies of what the source says of itself: the source belongs to the thread.
   const std::optional<size_t> frame_count_;
   const std::optional<CameraParameters> calibration_;
-  const std::optional<PictureSize> picture_size_;
+  const std::optional<ImageSize> image_size_;
   const std::string description_;
   const bool is_live_;
   const size_t capacity_;

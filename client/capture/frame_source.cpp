@@ -59,18 +59,18 @@ std::vector<std::filesystem::path> source_files(std::string_view text) {
   return files;
 }
 
-Status check_picture_size(const FrameSource& source, const CameraParameters& calibration) {
-  const auto size = source.picture_size();
-  const PictureSize calibrated{calibration.width, calibration.height};
+Status check_image_size(const FrameSource& source, const CameraParameters& calibration) {
+  const auto size = source.image_size();
+  const ImageSize calibrated{calibration.width, calibration.height};
   if (!size || *size == calibrated) return {};
   const bool is_exchanged = size->width == calibrated.height && size->height == calibrated.width;
   return fail(
       ErrorCode::kConfiguration,
-      fmt::format("{}: its pictures are {}x{}, the calibration is for {}x{}{}; pass the camera's own with "
+      fmt::format("{}: its images are {}x{}, the calibration is for {}x{}{}; pass the camera's own with "
                   "--calibration{}",
                   source.describe(), size->width, size->height, calibrated.width, calibrated.height,
                   is_exchanged ? ", width and height exchanged" : "",
-                  is_exchanged ? ", of upright pictures: `cairn-track calibrate` turns pictures as tracking "
+                  is_exchanged ? ", of upright images: `cairn-track calibrate` turns images as tracking "
                                  "does"
                                : ""));
 }

@@ -18,7 +18,7 @@
 
 namespace cairn {
 
-/// One picture of a camera or a recording.
+/// One image of a camera or a recording.
 struct Frame {
   uint64_t index =
       0;           ///< within the source, from 0; a frame that cannot be decoded or was dropped leaves a gap
@@ -46,7 +46,7 @@ class FrameSource {
   /// Exact calibration of a source that knows it (the simulator).
   [[nodiscard]] virtual std::optional<CameraParameters> builtin_calibration() const { return std::nullopt; }
   /// Size of its frames, where it can tell without reading frames.
-  [[nodiscard]] virtual std::optional<PictureSize> picture_size() const { return std::nullopt; }
+  [[nodiscard]] virtual std::optional<ImageSize> image_size() const { return std::nullopt; }
   /// Of its first and its last frame, where it can tell without reading frames.
   [[nodiscard]] virtual std::optional<std::pair<Timestamp, Timestamp>> time_span() const {
     return std::nullopt;
@@ -68,24 +68,24 @@ class FrameSource {
 ///  takes those whose names match a glob
 ///  * `video:FILE?times=FILE`: whatever OpenCV's FFmpeg reads, turned as the file says; stamped by the list,
 ///  else by the container
-///  * `v4l2:/dev/video0?size=640x480&fps=30`: a camera; an error when it gives no picture for 2 s
+///  * `v4l2:/dev/video0?size=640x480&fps=30`: a camera; an error when it gives no image for 2 s
 ///  * `sim:SCENARIO?seed=1&camera=hand`: with CAIRN_SIMULATOR; further options are the simulator's;
 ///  `rig=PATH`: what the camera of `cairn-rig simulate --camera PATH` sees, live
-/// A `times=FILE` has one time a line. `unit=s|ms|us|ns` says what the times of any list count. Of pictures
+/// A `times=FILE` has one time a line. `unit=s|ms|us|ns` says what the times of any list count. Of images
 /// of different sizes, those of the commonest size are frames, the others errors.
-/// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kConfiguration (pictures
+/// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kConfiguration (images
 /// of several kinds in one folder), kDamaged (lists that do not parse, are empty, or have stamps of no
 /// camera).
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_source(std::string_view uri);
 
-/// The files that a source reads beside its pictures: lists, time stamps, the video. Whether they are there
+/// The files that a source reads beside its images: lists, time stamps, the video. Whether they are there
 /// is not looked at; none for what open_source() would refuse.
 [[nodiscard]] std::vector<std::filesystem::path> source_files(std::string_view uri);
 
 /// What a loop would say of the first frame, told before it: kConfiguration where the frames have another
 /// size than the calibration, also if only width and height are exchanged. A source that knows its size only
 /// from its frames passes.
-[[nodiscard]] Status check_picture_size(const FrameSource& source, const CameraParameters& calibration);
+[[nodiscard]] Status check_image_size(const FrameSource& source, const CameraParameters& calibration);
 
 /// camera.txt beside the images or the video of a source, or sensor.yaml in a EuRoC folder, if there is one.
 [[nodiscard]] std::optional<std::filesystem::path> find_calibration(std::string_view uri);

@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "client/capture/picture_folder.h"
+#include "client/capture/image_folder.h"
 #include "client/capture/source_files_fixture.h"
 #include "common/io/calibration.h"
 
@@ -16,9 +16,9 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 TEST_F(FrameSourceFiles, TumGivesTheListedFramesInTheirOrder) {
-  write_picture("images/a 0.png", 0);
-  write_picture("images/b.jpg", 1);
-  write_picture("c.pgm", 2);
+  write_image("images/a 0.png", 0);
+  write_image("images/b.jpg", 1);
+  write_image("c.pgm", 2);
   write_text(
       "rgb.txt",
       "# timestamp filename\n10.000000001 images/a 0.png\n10.5\timages/b.jpg\r\n2 c.pgm\n10 images/b.jpg\n");
@@ -41,7 +41,7 @@ TEST_F(FrameSourceFiles, TumGivesTheListedFramesInTheirOrder) {
 }
 
 TEST_F(FrameSourceFiles, ABadFrameIsNamedAndTheNextOneComes) {
-  for (int i = 0; i < 5; ++i) write_picture("images/" + std::to_string(i) + ".jpg", i);
+  for (int i = 0; i < 5; ++i) write_image("images/" + std::to_string(i) + ".jpg", i);
   fs::resize_file(dir() / "images/1.jpg", fs::file_size(dir() / "images/1.jpg") / 2);
   fs::remove(dir() / "images/3.jpg");
   write_text("rgb.txt", "0 images/0.jpg\n1 images/1.jpg\n2 images/2.jpg\n3 images/3.jpg\n4 images/4.jpg\n");
@@ -69,8 +69,8 @@ TEST_F(FrameSourceFiles, TumListErrors) {
 
 TEST_F(FrameSourceFiles, ListsAreReadAsWindowsAndSpreadsheetsWriteThem) {
   for (int i = 0; i < 3; ++i) {
-    write_picture("rgb/" + std::to_string(i) + ".png", i);
-    write_picture("mav0/cam0/data/" + std::to_string(i) + ".png", i);
+    write_image("rgb/" + std::to_string(i) + ".png", i);
+    write_image("mav0/cam0/data/" + std::to_string(i) + ".png", i);
   }
   const std::string mark = "\xef\xbb\xbf";
   for (const std::string& list : {mark + "# timestamp filename\r\n0.1 rgb/1.png\r\n0.2 rgb/2.png\r\n",
@@ -103,14 +103,14 @@ TEST_F(FrameSourceFiles, ListsAreReadAsWindowsAndSpreadsheetsWriteThem) {
 TEST_F(FrameSourceFiles, EurocGivesTheListedFramesAndItsCalibration) {
   for (const std::string at : {"mav0/cam0/", "mav0/cam1/"}) {
     for (int i = 0; i < 2; ++i)
-      write_picture(at + "data/" + std::to_string(i) + ".png", i + (at == "mav0/cam1/" ? 5 : 0));
+      write_image(at + "data/" + std::to_string(i) + ".png", i + (at == "mav0/cam1/" ? 5 : 0));
     write_text(at + "data.csv",
                "#timestamp [ns],filename\r\n1403715273262142976,1.png\r\n1403715273312143104,0.png\r\n");
   }
   const auto source = open_source(uri("euroc"));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_EQ((*source)->frame_count(), 2u);
-  EXPECT_EQ((*source)->picture_size(), (PictureSize{kWidth, kHeight}));
+  EXPECT_EQ((*source)->image_size(), (ImageSize{kWidth, kHeight}));
   const auto taken = take_all(**source);
   EXPECT_TRUE(taken.errors.empty());
   ASSERT_EQ(taken.frames.size(), 2u);
@@ -137,11 +137,11 @@ TEST_F(FrameSourceFiles, EurocErrors) {
 }
 
 TEST_F(FrameSourceFiles, ImagesComeInNaturalOrderAtTheirRate) {
-  write_picture("frame10.png", 3);
-  write_picture("frame9.JPG", 2);
-  write_picture("frame1.jpeg", 0);
-  write_picture("frame02.pgm", 1);
-  write_text("notes.txt", "not a picture");
+  write_image("frame10.png", 3);
+  write_image("frame9.JPG", 2);
+  write_image("frame1.jpeg", 0);
+  write_image("frame02.pgm", 1);
+  write_text("notes.txt", "not an image");
   const auto source = open_source(uri("images", "?fps=30"));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_EQ((*source)->frame_count(), 4u);
@@ -185,7 +185,7 @@ TEST_F(FrameSourceFiles, VideoTakesItsTimesFromTheList) {
   const auto source = open_source(uri("video", "/v1.avi?times=" + (dir() / "times.txt").string()));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_EQ((*source)->frame_count(), 6u);
-  EXPECT_EQ((*source)->picture_size(), (PictureSize{kWidth, kHeight}));
+  EXPECT_EQ((*source)->image_size(), (ImageSize{kWidth, kHeight}));
   const auto taken = take_all(**source);
   EXPECT_TRUE(taken.errors.empty());
   ASSERT_EQ(taken.frames.size(), 6u);
@@ -282,7 +282,7 @@ TEST_F(FrameSourceFiles, UnknownSchemeListsTheOthers) {
 }
 
 TEST_F(FrameSourceFiles, CalibrationLiesBesideTheImages) {
-  write_picture("images/0.png", 0);
+  write_image("images/0.png", 0);
   const auto video = uri("video", "/v.avi?times=x");
   for (const auto& source : {uri("tum"), uri("images", "/images"), video})
     EXPECT_FALSE(find_calibration(source)) << source;

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
-#include "client/capture/picture_folder.h"
-#include "client/capture/picture_sample.h"
+#include "client/capture/image_folder.h"
+#include "client/capture/image_sample.h"
 #include "client/capture/stamp_list.h"
 #include "common/io/image_file.h"
 #include "common/io/orientation.h"
@@ -17,7 +17,7 @@
 namespace cairn {
 namespace {
 
-/// Pictures and their times, in the order of the frames.
+/// Images and their times, in the order of the frames.
 struct ImageList {
   std::string description;
   std::vector<std::filesystem::path> paths;
@@ -25,20 +25,20 @@ struct ImageList {
   std::vector<SourceNote> notes;
 };
 
-std::string size_text(PictureSize size) {
+std::string size_text(ImageSize size) {
   return fmt::format("{}x{}", size.width, size.height);
 }
 
 /// Frames that are files of their own: the lists of TUM and EuRoC, and the image folder.
 class ImageListSource final : public FrameSource {
  public:
-  ImageListSource(ImageList list, PictureSample sample) : list_(std::move(list)), sample_(sample) {
+  ImageListSource(ImageList list, ImageSample sample) : list_(std::move(list)), sample_(sample) {
     note_orientation();
     if (!sample_.levels) return;
     const GrayLevels& levels = *sample_.levels;
     list_.notes.push_back(
         {fmt::format("{}: the grey values {} to {} of 65535 are used{}; they are read as 0 to "
-                     "255, in all pictures alike",
+                     "255, in all images alike",
                      list_.description, levels.black, levels.white,
                      levels.exchange_bytes ? ", with the low byte first" : "")});
   }
@@ -49,7 +49,7 @@ class ImageListSource final : public FrameSource {
     const auto& path = list_.paths[index];
     auto image = read_gray_image(path, sample_.levels);
     if (!image) return tl::unexpected(image.error());
-    const PictureSize size{image->width(), image->height()};
+    const ImageSize size{image->width(), image->height()};
     if (sample_.size && size != *sample_.size) {
       return fail(ErrorCode::kDamaged, fmt::format("{}: is {}, the others are {}", path.string(),
                                                    size_text(size), size_text(*sample_.size)));
@@ -62,7 +62,7 @@ class ImageListSource final : public FrameSource {
     const auto [first, last] = std::minmax_element(list_.times.begin(), list_.times.end());
     return std::pair(*first, *last);
   }
-  std::optional<PictureSize> picture_size() const override { return sample_.size; }
+  std::optional<ImageSize> image_size() const override { return sample_.size; }
   std::vector<SourceNote> notes() const override { return list_.notes; }
   std::string describe() const override {
     return list_.description + ", " + std::to_string(list_.paths.size()) + " images";
@@ -79,20 +79,20 @@ class ImageListSource final : public FrameSource {
     }
     const bool is_mixed = found.size() > 1;
     list_.notes.push_back(
-        {fmt::format("{}: its pictures are {}, as the files say and as viewers show them; the calibration is "
-                     "for upright pictures of {}{}",
+        {fmt::format("{}: its images are {}, as the files say and as viewers show them; the calibration is "
+                     "for upright images of {}{}",
                      list_.description, words, size_text(*sample_.size),
                      is_mixed ? ", and it holds for one way only in which the camera was held" : ""),
          is_mixed});
   }
 
   ImageList list_;
-  PictureSample sample_;
+  ImageSample sample_;
   size_t next_ = 0;
 };
 
 std::unique_ptr<FrameSource> make_source(ImageList list) {
-  const auto sample = sample_pictures(list.paths);
+  const auto sample = sample_images(list.paths);
   return std::make_unique<ImageListSource>(std::move(list), sample);
 }
 
@@ -111,8 +111,7 @@ constexpr ListFormat kEuroc = {",", "time,file", TimeUnit::kNanoseconds,
 
 Result<std::unique_ptr<FrameSource>> open_list(const SourceUri& uri, const ListFormat& format,
                                                const std::filesystem::path& file,
-                                               const std::filesystem::path& pictures,
-                                               std::string description) {
+                                               const std::filesystem::path& images, std::string description) {
   const auto unit = stamp_unit(uri, format.unit);
   if (!unit) return tl::unexpected(unit.error());
   const auto content = read_text_file(file);
@@ -134,7 +133,7 @@ Result<std::unique_ptr<FrameSource>> open_list(const SourceUri& uri, const ListF
                                                            long_name(unit->unit),
                                                            time ? "" : other_unit_hint(stamp, unit->unit))));
     }
-    const auto path = listed_file(pictures, name);
+    const auto path = listed_file(images, name);
     if (is_hidden(path)) {
       ++companions;
       continue;
@@ -153,7 +152,7 @@ Result<std::unique_ptr<FrameSource>> open_list(const SourceUri& uri, const ListF
 }
 
 /// The times of an image folder: those of its list, or its rate.
-Status stamp_pictures(const SourceUri& uri, ImageList& list) {
+Status stamp_images(const SourceUri& uri, ImageList& list) {
   const auto fps = uri.positive_number("fps", 30.0);
   if (!fps) return tl::unexpected(fps.error());
   const auto file = uri.options.find("times");
@@ -163,13 +162,13 @@ Status stamp_pictures(const SourceUri& uri, ImageList& list) {
     return {};
   }
   if (uri.options.contains("fps"))
-    return fail(ErrorCode::kUsage, "source options fps and times: both stamp the pictures; give one of them");
+    return fail(ErrorCode::kUsage, "source options fps and times: both stamp the images; give one of them");
   const auto unit = stamp_unit(uri, TimeUnit::kSeconds);
   if (!unit) return tl::unexpected(unit.error());
   auto times = read_times(file->second, unit->unit);
   if (!times) return tl::unexpected(times.error());
   if (times->size() != list.paths.size()) {
-    return fail(ErrorCode::kDamaged, fmt::format("{}: {} times, but {} has {} pictures", file->second,
+    return fail(ErrorCode::kDamaged, fmt::format("{}: {} times, but {} has {} images", file->second,
                                                  times->size(), uri.path, list.paths.size()));
   }
   const auto notes = vet_stamps(file->second, *times, *unit);
@@ -208,14 +207,14 @@ Result<std::unique_ptr<FrameSource>> open_images_source(const SourceUri& uri) {
     return tl::unexpected(status.error());
   const auto option = uri.options.find("match");
   auto folder =
-      list_pictures(uri.path, option == uri.options.end() ? std::nullopt : std::optional(option->second));
+      list_images(uri.path, option == uri.options.end() ? std::nullopt : std::optional(option->second));
   if (!folder) return tl::unexpected(folder.error());
   ImageList list{"image folder " + uri.path, std::move(folder->files), {}, {}};
   if (folder->hidden > 0) {
     list.notes.push_back(
         {fmt::format("{}: {} hidden files (as ._a.jpg) are no frames", uri.path, folder->hidden)});
   }
-  if (auto status = stamp_pictures(uri, list); !status) return tl::unexpected(status.error());
+  if (auto status = stamp_images(uri, list); !status) return tl::unexpected(status.error());
   return make_source(std::move(list));
 }
 

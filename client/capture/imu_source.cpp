@@ -26,7 +26,7 @@ bool is_file(const fs::path& path) {
   return fs::is_regular_file(path, ignored);
 }
 
-/// Beside the pictures of a source.
+/// Beside the images of a source.
 std::optional<fs::path> find_samples(const SourceUri& uri) {
   std::vector<fs::path> candidates;
   const fs::path path(uri.path);

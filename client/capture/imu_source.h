@@ -19,7 +19,7 @@ struct ImuRequest {
   /// A file of samples, or a folder as EuRoC's imu0; nothing: what the source has by itself.
   std::optional<std::filesystem::path> samples;
   /// `qx,qy,qz,qw` of camera_from_imu, or a file: Kalibr's camchain with T_cam_imu, or the camera's
-  /// sensor.yaml with T_BS. Nothing: as the sensor.yaml beside samples and pictures say.
+  /// sensor.yaml with T_BS. Nothing: as the sensor.yaml beside samples and images say.
   std::string mount;
   std::optional<std::chrono::nanoseconds> clock_offset;  ///< ImuMount's; nothing: Kalibr's, else 0
 };
@@ -30,7 +30,7 @@ struct OpenedImu {
 };
 
 /// The samples of an `euroc:` or `tum:` source (imu0/data.csv beside the camera's folder; imu.csv, imu.txt or
-/// imu0/data.csv in it), those asked for, or the source's own. What lies beside the pictures and whose mount
+/// imu0/data.csv in it), those asked for, or the source's own. What lies beside the images and whose mount
 /// is not said is not used, and a note tells; errors: those of read_imu_file(); kConfiguration (asked for,
 /// and its mount is not said, or no file of one), kUsage (with a live camera, which has other clocks),
 /// kDamaged (samples of another time than the frames).

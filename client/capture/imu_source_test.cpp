@@ -35,8 +35,8 @@ class ImuFiles : public FrameSourceFiles {
     return rows;
   }
   void write_euroc(const std::string& imu) {
-    write_picture("mav0/cam0/data/1.png", 0);
-    write_picture("mav0/cam0/data/2.png", 1);
+    write_image("mav0/cam0/data/1.png", 0);
+    write_image("mav0/cam0/data/2.png", 1);
     write_text("mav0/cam0/data.csv", fmt::format("#timestamp [ns],filename\n{},1.png\n{},2.png\n",
                                                  kBegin + 50'000'000, kBegin + 100'000'000));
     // The camera is turned by a quarter about z of the body.
@@ -50,7 +50,7 @@ class ImuFiles : public FrameSourceFiles {
                "sensor_type: imu\nT_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n");
   }
   void write_tum() {
-    write_picture("1.png", 0);
+    write_image("1.png", 0);
     write_text("rgb.txt", fmt::format("{}.05 1.png\n", kBegin / 1'000'000'000));
   }
   Result<OpenedImu> open(const std::string& text, const ImuRequest& request = {}) const {

@@ -24,7 +24,7 @@ using std::chrono::nanoseconds;
 constexpr milliseconds kPatience{2000};
 constexpr nanoseconds kPeriod{static_cast<int64_t>(1e9 / kSimulatorFrameRate)};
 
-/// Of the simulator's: the world, and how a picture is taken.
+/// Of the simulator's: the world, and how an image is taken.
 constexpr std::array<std::string_view, 8> kOptions = {"seed",  "camera", "light", "session",
                                                       "walks", "noise",  "blur",  "rolling"};
 
@@ -37,7 +37,7 @@ class SimulatedRigSource final : public FrameSource {
         truth_(std::move(truth)),
         renderer_(*scenario_) {}
 
-  /// A picture is there once its exposure is over; of several that are, the newest is rendered.
+  /// An image is there once its exposure is over; of several that are, the newest is rendered.
   Result<std::optional<Frame>> next() override {
     const auto begun = std::chrono::steady_clock::now();
     for (milliseconds most(0);; most = milliseconds(100)) {

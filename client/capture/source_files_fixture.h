@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 inline constexpr int kWidth = 64;
 inline constexpr int kHeight = 48;
 
-/// A picture that says which frame it is, also after lossy coding.
-inline cv::Mat picture(int number) {
+/// An image that says which frame it is, also after lossy coding.
+inline cv::Mat numbered_image(int number) {
   return {kHeight, kWidth, CV_8U, cv::Scalar(20 * number + 10)};
 }
 inline int number_of(const Frame& frame) {
@@ -31,10 +31,10 @@ inline int number_of(const Frame& frame) {
 
 class FrameSourceFiles : public ::testing::Test {
  protected:
-  void write_picture(const std::string& name, int number) {
+  void write_image(const std::string& name, int number) {
     const auto path = dir() / name;
     fs::create_directories(path.parent_path());
-    ASSERT_TRUE(cv::imwrite(path.string(), picture(number)));
+    ASSERT_TRUE(cv::imwrite(path.string(), numbered_image(number)));
   }
   void write_text(const std::string& name, const std::string& content) {
     std::ofstream(dir() / name) << content;
@@ -43,7 +43,7 @@ class FrameSourceFiles : public ::testing::Test {
     cv::VideoWriter writer((dir() / name).string(), cv::CAP_FFMPEG,
                            cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), fps, {kWidth, kHeight}, false);
     ASSERT_TRUE(writer.isOpened());
-    for (int i = 0; i < frames; ++i) writer.write(picture(i));
+    for (int i = 0; i < frames; ++i) writer.write(numbered_image(i));
   }
   [[nodiscard]] std::string uri(const std::string& scheme, const std::string& rest = "") const {
     return scheme + ":" + dir().string() + rest;

@@ -15,7 +15,7 @@ constexpr size_t kLeastStamps = 10;
 constexpr double kSecond = 1e9;  ///< [ns]
 constexpr double kDay = 86400 * kSecond;
 constexpr double kFastest = 0.004 * kSecond;  ///< steps of cameras: 250 Hz ...
-constexpr double kSlowest = kSecond;          ///< ... to one picture a second
+constexpr double kSlowest = kSecond;          ///< ... to one image a second
 constexpr double kNoStep = 1e-4 * kSecond;    ///< no camera of any kind is that fast
 constexpr double kRegular = 0.25;             ///< of the median: a regular step differs by less
 constexpr double kWrap = 4294967296.0;        ///< values of a 32-bit counter
@@ -163,10 +163,10 @@ StampReport check_stamps(std::span<const Timestamp> stamps, TimeUnit unit) {
     report.remedy = std::move(found->remedy);
   }
   if (!steps.forward.empty() && steps.median() > kSlowest) {
-    report.remarks.push_back(fmt::format(
-        "the median step of the stamps is {:.3g} s: between pictures that far apart no motion can "
-        "be followed",
-        steps.median() / kSecond));
+    report.remarks.push_back(
+        fmt::format("the median step of the stamps is {:.3g} s: between images that far apart no motion can "
+                    "be followed",
+                    steps.median() / kSecond));
   }
   return report;
 }

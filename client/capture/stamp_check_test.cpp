@@ -85,7 +85,7 @@ TEST(StampCheck, LostDigitsAreNamed) {
 }
 
 TEST(StampCheck, StillsAndListsOfPlacesAreToldAndPass) {
-  std::vector<double> stills;  // numbers of the pictures that were kept
+  std::vector<double> stills;  // numbers of the images that were kept
   for (const int number : {1, 2, 3, 4, 6, 7, 12, 14, 18, 19, 21, 25, 54, 72}) stills.push_back(number);
   auto report = check_seconds(read(stills, [](double t) { return t; }));
   EXPECT_FALSE(report.impossible);
@@ -99,7 +99,7 @@ TEST(StampCheck, StillsAndListsOfPlacesAreToldAndPass) {
   EXPECT_FALSE(report.impossible);
   EXPECT_THAT(report.remarks, ElementsAre(HasSubstr("2 of 100 stamps go back, stamp 26 as the first")));
 
-  std::vector<double> queries;  // single pictures of it
+  std::vector<double> queries;  // single images of it
   std::mt19937 random(5);
   for (int i = 0; i < 40; ++i) queries.push_back(static_cast<double>(random() % 1000) / 10);
   EXPECT_FALSE(check_seconds(read(queries, [](double t) { return t; })).impossible);

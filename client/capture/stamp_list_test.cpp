@@ -39,9 +39,9 @@ TEST(Stamps, AnotherUnitIsSuspectedWhereItGivesATimeOfOurYears) {
 
 class StampedFiles : public FrameSourceFiles {
  protected:
-  /// A list of one picture at thirty times.
+  /// A list of one image at thirty times.
   void write_list(const std::string& name, double step) {
-    write_picture("mav0/cam0/data/0.png", 0);
+    write_image("mav0/cam0/data/0.png", 0);
     std::string list;
     for (int i = 0; i < 30; ++i)
       list += std::to_string(std::llround(i * step)) +
@@ -84,7 +84,7 @@ TEST_F(StampedFiles, AListOfWholeSecondsIsRefused) {
 }
 
 TEST_F(StampedFiles, StampsThatGoBackAreToldOnce) {
-  write_picture("0.png", 0);
+  write_image("0.png", 0);
   write_text("rgb.txt", "5 0.png\n5.1 0.png\n3 0.png\n3.1 0.png\n1 0.png\n");
   const auto source = open_source(uri("tum"));
   ASSERT_TRUE(source) << source.error().message;
@@ -95,7 +95,7 @@ TEST_F(StampedFiles, StampsThatGoBackAreToldOnce) {
 }
 
 TEST_F(StampedFiles, AFolderTakesItsTimesFromAList) {
-  for (int i = 0; i < 3; ++i) write_picture("p/" + std::to_string(i) + ".png", i);
+  for (int i = 0; i < 3; ++i) write_image("p/" + std::to_string(i) + ".png", i);
   const auto times = [&](const std::string& content) {
     write_text("times.txt", content);
     return uri("images", "/p?times=" + (dir() / "times.txt").string());
@@ -108,7 +108,7 @@ TEST_F(StampedFiles, AFolderTakesItsTimesFromAList) {
   EXPECT_EQ(taken.frames[2].time.nanoseconds, 207'287'000);
   EXPECT_EQ(last_time(times("0\n33\n66\n") + "&unit=ms"), Timestamp{66'000'000});
   expect_open_error(times("0\n1\n"), ErrorCode::kDamaged, "2 times, but");
-  expect_open_error(times("0\n1\n2\n3\n"), ErrorCode::kDamaged, "3 pictures");
+  expect_open_error(times("0\n1\n2\n3\n"), ErrorCode::kDamaged, "3 images");
   expect_open_error(times("0\nnow\n"), ErrorCode::kDamaged, "times.txt:2: 'now' is not one time in seconds");
   expect_open_error(times("1403715273262\n"), ErrorCode::kDamaged, "add unit=ms");
   expect_open_error(times("0\n1\n2\n") + "&fps=3", ErrorCode::kUsage, "give one of them");

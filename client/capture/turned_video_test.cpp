@@ -67,8 +67,8 @@ TEST_F(TurnedVideo, IsShownAsPlayersDo) {
     const auto source = open_source(uri("video", "/v.mp4"));
     ASSERT_TRUE(source) << source.error().message;
     const bool is_upright = turn.degrees % 180 == 90;
-    const PictureSize size = is_upright ? PictureSize{kHeight, kWidth} : PictureSize{kWidth, kHeight};
-    EXPECT_EQ((*source)->picture_size(), size);
+    const ImageSize size = is_upright ? ImageSize{kHeight, kWidth} : ImageSize{kWidth, kHeight};
+    EXPECT_EQ((*source)->image_size(), size);
     const auto notes = (*source)->notes();
     ASSERT_EQ(notes.size(), turn.degrees == 0 ? 0U : 1U);
     if (!notes.empty()) {
@@ -84,7 +84,7 @@ TEST_F(TurnedVideo, IsShownAsPlayersDo) {
   }
 }
 
-TEST_F(TurnedVideo, ACalibrationIsForTheUprightPicture) {
+TEST_F(TurnedVideo, ACalibrationIsForTheUprightImage) {
   write_turned(kTurns[1]);
   const auto source = open_source(uri("video", "/v.mp4"));
   ASSERT_TRUE(source) << source.error().message;
@@ -92,7 +92,7 @@ TEST_F(TurnedVideo, ACalibrationIsForTheUprightPicture) {
   const auto fit = [&](int width, int height) {
     calibration.width = width;
     calibration.height = height;
-    return check_picture_size(**source, calibration);
+    return check_image_size(**source, calibration);
   };
   EXPECT_TRUE(fit(kHeight, kWidth));
   const auto exchanged = fit(kWidth, kHeight);

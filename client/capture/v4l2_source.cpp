@@ -24,7 +24,7 @@ namespace {
 
 constexpr const char* kPatienceSeconds = "2";
 
-/// Whether a camera gives its pictures to another program: most can be opened then all the same, but refuse
+/// Whether a camera gives its images to another program: most can be opened then all the same, but refuse
 /// to be set, even to what they are set to.
 bool streams_to_another(int device, uint32_t abilities) {
   v4l2_format format{};
@@ -66,7 +66,7 @@ Status check_device(const std::string& path) {
   close(device);
   if (!answered) return no_camera("is not a camera");
   if ((abilities & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0) {
-    return no_camera("gives no pictures (cameras also have a node for their metadata)");
+    return no_camera("gives no images (cameras also have a node for their metadata)");
   }
   if (in_use) return busy();
   return {};
@@ -85,7 +85,7 @@ bool is_gone(const std::string& path) {
 /// model.
 class V4l2Source final : public FrameSource {
  public:
-  V4l2Source(std::string path, std::unique_ptr<cv::VideoCapture> capture, PictureSize asked_size,
+  V4l2Source(std::string path, std::unique_ptr<cv::VideoCapture> capture, ImageSize asked_size,
              double asked_rate)
       : path_(std::move(path)),
         asked_size_(asked_size),
@@ -99,7 +99,7 @@ class V4l2Source final : public FrameSource {
     try {
       const auto start = std::chrono::steady_clock::now();
       if (!capture_->read(pixels_) || pixels_.empty())
-        return no_picture(std::chrono::steady_clock::now() - start);
+        return no_image(std::chrono::steady_clock::now() - start);
       if (pixels_.channels() == 3) {
         cv::cvtColor(pixels_, gray_, cv::COLOR_BGR2GRAY);
       } else {
@@ -114,12 +114,12 @@ class V4l2Source final : public FrameSource {
     return Frame{index_++, stamp(), std::move(image)};
   }
   std::optional<size_t> frame_count() const override { return std::nullopt; }
-  std::optional<PictureSize> picture_size() const override {
-    return PictureSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
-                       static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+  std::optional<ImageSize> image_size() const override {
+    return ImageSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                     static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
   }
   std::string describe() const override {
-    const PictureSize size = *picture_size();
+    const ImageSize size = *image_size();
     const double rate = capture_->get(cv::CAP_PROP_FPS);
     const bool tells_rate = rate > 0;
     const bool as_asked =
@@ -133,21 +133,21 @@ class V4l2Source final : public FrameSource {
   static constexpr int kMaxFailures = 3;      ///< in a row; each takes up to kPatienceSeconds
   static constexpr double kSameRate = 0.011;  ///< 30 Hz are also given as 29.97 or as a whole number of us
 
-  static std::string mode(PictureSize size, double rate) {
+  static std::string mode(ImageSize size, double rate) {
     std::ostringstream text;
     text << size.width << "x" << size.height;
     if (rate > 0) text << " at " << rate << " Hz";
     return text.str();
   }
 
-  tl::unexpected<Error> no_picture(std::chrono::nanoseconds waited) {
+  tl::unexpected<Error> no_image(std::chrono::nanoseconds waited) {
     if (is_gone(path_)) {
       failures_ = kMaxFailures;
       return fail(ErrorCode::kIo, path_ + ": gone; was it unplugged?");
     }
     if (waited < std::chrono::seconds(1))
-      return failure("refuses to give a picture; does unplugging it help?");
-    return failure("no picture for " +
+      return failure("refuses to give an image; does unplugging it help?");
+    return failure("no image for " +
                    std::to_string(std::chrono::round<std::chrono::seconds>(waited).count()) +
                    " s; is it covered by its shutter or asleep?");
   }
@@ -165,7 +165,7 @@ class V4l2Source final : public FrameSource {
   }
 
   std::string path_;
-  PictureSize asked_size_;
+  ImageSize asked_size_;
   double asked_rate_;
   std::unique_ptr<cv::VideoCapture> capture_;
   std::chrono::nanoseconds epoch_from_monotonic_;
@@ -182,11 +182,11 @@ int parse_side(std::string_view text) {
 }
 
 /// "640x480".
-Result<PictureSize> parse_size(const std::string& text) {
+Result<ImageSize> parse_size(const std::string& text) {
   const size_t cross = std::min(text.find('x'), text.size());
   const std::string_view view(text);
-  const PictureSize size{parse_side(view.substr(0, cross)),
-                         parse_side(view.substr(std::min(cross + 1, text.size())))};
+  const ImageSize size{parse_side(view.substr(0, cross)),
+                       parse_side(view.substr(std::min(cross + 1, text.size())))};
   if (size.width == 0 || size.height == 0) {
     return fail(ErrorCode::kUsage, "source option size=" + text + ": not a size such as 640x480");
   }
@@ -203,7 +203,7 @@ Result<std::unique_ptr<FrameSource>> open_v4l2_source(const SourceUri& uri) {
   const auto fps = uri.positive_number("fps", 30.0);
   if (!fps) return tl::unexpected(fps.error());
   if (auto status = check_device(uri.path); !status) return tl::unexpected(status.error());
-  // OpenCV 4.6 takes its time-out for a picture from here only, when the first one is waited for.
+  // OpenCV 4.6 takes its time-out for an image from here only, when the first one is waited for.
   setenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", kPatienceSeconds, 0);
   try {
     auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_V4L2);

@@ -19,7 +19,7 @@ namespace {
 /// there are.
 constexpr double kWholeShare = 0.95;
 
-/// By how much the picture is to be turned clockwise so that it is upright, from what the container says:
+/// By how much the image is to be turned clockwise so that it is upright, from what the container says:
 /// phones keep the rows of the sensor and say how it was held. Turned by OpenCV itself, OpenCV 4.6 would turn
 /// the wrong way, for it gives the angle with the other sign.
 int clockwise_turn(cv::VideoCapture& capture) {
@@ -29,7 +29,7 @@ int clockwise_turn(cv::VideoCapture& capture) {
   return ((is_counterclockwise ? -angle : angle) % 360 + 360) % 360;
 }
 
-/// Nothing where the picture is to stay, or at an angle that rows of pixels cannot have.
+/// Nothing where the image is to stay, or at an angle that rows of pixels cannot have.
 std::optional<cv::RotateFlags> turn_of(int clockwise_degrees) {
   switch (clockwise_degrees) {
     case 90:
@@ -73,10 +73,10 @@ class VideoSource final : public FrameSource {
         container_count_(std::max(0.0, capture_->get(cv::CAP_PROP_FRAME_COUNT))),
         frame_period_(period_of(*capture_)) {
     if (!turn_of(turn_)) return;
-    const auto size = *picture_size();
+    const auto size = *image_size();
     notes_.push_back(
-        {fmt::format("{}: its pictures are turned by {} degrees clockwise, as the file says and as "
-                     "players show it; the calibration is for upright pictures of {}x{}",
+        {fmt::format("{}: its images are turned by {} degrees clockwise, as the file says and as "
+                     "players show it; the calibration is for upright images of {}x{}",
                      path_, turn_, size.width, size.height)});
   }
 
@@ -105,10 +105,10 @@ class VideoSource final : public FrameSource {
     if (container_count_ < 1) return std::nullopt;  // a stream without a length
     return static_cast<size_t>(container_count_);
   }
-  std::optional<PictureSize> picture_size() const override {
-    const PictureSize size{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
-                           static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
-    return turn_ % 180 == 90 ? PictureSize{size.height, size.width} : size;
+  std::optional<ImageSize> image_size() const override {
+    const ImageSize size{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                         static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+    return turn_ % 180 == 90 ? ImageSize{size.height, size.width} : size;
   }
   std::vector<SourceNote> notes() const override { return notes_; }
   std::string describe() const override {

@@ -6,11 +6,11 @@
 
 namespace cairn {
 
-/// The bias of a gyro, from the turns between two frames that both gyro and pictures tell: a Kalman filter
+/// The bias of a gyro, from the turns between two frames that both gyro and images tell: a Kalman filter
 /// with the same variance for each axis. Pure.
 class GyroBias {
  public:
-  /// A turn over `seconds` as the pictures saw it, and as the gyro did with the present bias taken off.
+  /// A turn over `seconds` as the images saw it, and as the gyro did with the present bias taken off.
   void learn(const Eigen::Quaterniond& seen, const Eigen::Quaterniond& measured, double seconds);
 
   [[nodiscard]] const Eigen::Vector3d& value() const { return value_; }  ///< camera axes [rad/s]

@@ -20,7 +20,7 @@ struct CameraTurn {
 };
 
 /// What the IMU that is fixed to a camera says of it: how it turned, and where up is. The gyro's bias is
-/// learnt from turns that the camera's pictures tell. All times are by the camera's clock, all axes the
+/// learnt from turns that the camera's images tell. All times are by the camera's clock, all axes the
 /// camera's. Pure; one thread.
 class InertialSensor {
  public:
@@ -40,10 +40,10 @@ class InertialSensor {
   /// Where up is at a moment of the last two seconds; nothing where that is not known well enough.
   [[nodiscard]] std::optional<UpDirection> up(Timestamp time) const;
 
-  /// The camera has turned so, by pictures that leave no doubt.
+  /// The camera has turned so, by images that leave no doubt.
   void tracked(Timestamp from, Timestamp to, const Eigen::Quaterniond& now_from_before);
-  /// Whether the gyro contradicts the pictures: it sits otherwise, its clock or its unit is another one.
-  [[nodiscard]] bool contradicts_pictures() const { return bias_.leaves_turns_unexplained(); }
+  /// Whether the gyro contradicts the images: it sits otherwise, its clock or its unit is another one.
+  [[nodiscard]] bool contradicts_images() const { return bias_.leaves_turns_unexplained(); }
   [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_.value(); }  ///< [rad/s]
 
  private:

@@ -135,7 +135,7 @@ TEST(InertialSensor, ToleratesSamplesTwiceAndLateAndBeginsAnewWhenTimeJumpsBack)
   EXPECT_LT(angle(sensor.turn(at(1.5), at(1.6))->now_from_before, measuring.turn(1.5, 1.6)), 1e-4);
 }
 
-TEST(InertialSensor, LearnsTheBiasFromThePicturesAndTurnsWithoutIt) {
+TEST(InertialSensor, LearnsTheBiasFromTheImagesAndTurnsWithoutIt) {
   Measuring measuring;
   measuring.mount = odd_mount();
   measuring.bias = {0.02, -0.015, 0.01};
@@ -150,10 +150,10 @@ TEST(InertialSensor, LearnsTheBiasFromThePicturesAndTurnsWithoutIt) {
   EXPECT_LT((sensor.bias() - measuring.mount.camera_from_imu * measuring.bias).norm(), 1e-3);
   EXPECT_LT(angle(sensor.turn(at(9), at(10))->now_from_before, measuring.turn(9, 10)), 2e-3);
   EXPECT_LT(sensor.turn(at(9.1), at(9.4))->sigma, doubt / 4);
-  EXPECT_FALSE(sensor.contradicts_pictures());
+  EXPECT_FALSE(sensor.contradicts_images());
 }
 
-TEST(InertialSensor, AGyroThatSitsOtherwiseContradictsThePictures) {
+TEST(InertialSensor, AGyroThatSitsOtherwiseContradictsTheImages) {
   Measuring measuring;
   measuring.mount = odd_mount();
   InertialSensor sensor(ImuMount{});  // as if its axes were the camera's
@@ -163,7 +163,7 @@ TEST(InertialSensor, AGyroThatSitsOtherwiseContradictsThePictures) {
     sensor.tracked(at(t + 0.01), at(t + 0.02), measuring.turn(t + 0.01, t + 0.02));
     sensor.tracked(at(t), at(t + 1 / 30.0 - 0.001), measuring.turn(t, t + 1 / 30.0 - 0.001));
   }
-  EXPECT_TRUE(sensor.contradicts_pictures());
+  EXPECT_TRUE(sensor.contradicts_images());
   EXPECT_LT(sensor.bias().norm(), 0.1) << "and nothing is learnt from it";
 }
 

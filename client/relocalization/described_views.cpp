@@ -12,13 +12,13 @@ namespace {
 constexpr size_t kMostViews = 100;     // 12 kB each
 constexpr size_t kMostPoints = 300;    // of a view
 constexpr double kViewDistance = 0.1;  // of the mean depth, as keyframes are apart
-constexpr double kViewAngle = 0.15;    // [rad]: an eighth of the picture
+constexpr double kViewAngle = 0.15;    // [rad]: an eighth of the image
 constexpr size_t kViewsTried = 4;
 constexpr int kMostDistance = 64;   // bits of 256 that may differ
 constexpr float kMostRatio = 0.8F;  // of the distance to the second nearest (Lowe, IJCV 2004)
 constexpr int kFewestInliers = 15;
 
-/// How far apart two poses are: a radian turns as much out of the picture as a step of a depth aside does.
+/// How far apart two poses are: a radian turns as much out of the image as a step of a depth aside does.
 double apart(const SE3& a_from_map, const SE3& b_from_map, double mean_depth) {
   const double turn = so3_log((a_from_map * b_from_map.inverse()).rotation()).norm();
   return turn + (a_from_map.center() - b_from_map.center()).norm() / mean_depth;

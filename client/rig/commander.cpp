@@ -13,8 +13,8 @@ using std::chrono::milliseconds;
 using wire::RigAxisCondition;
 using wire::RigMode;
 
-constexpr milliseconds kSearchAfter{300};    // lost: a blurred picture or a hand is soon over
-constexpr milliseconds kCandidateTime{400};  // to be verified, from when its picture can be taken
+constexpr milliseconds kSearchAfter{300};    // lost: a blurred image or a hand is soon over
+constexpr milliseconds kCandidateTime{400};  // to be verified, from when its image can be taken
 constexpr milliseconds kKept{3000};          // directions
 constexpr milliseconds kNear{50};            // between stamps of a frame and of a direction
 constexpr milliseconds kAnew{1000};          // until an order that was refused or given up is given again
@@ -94,11 +94,11 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
   while (views_.back().time - views_.front().time > kKept) views_.pop_front();
 }
 
-/// Directions have stamps of the IMU's, pictures those of the camera: where they are not known to differ,
+/// Directions have stamps of the IMU's, images those of the camera: where they are not known to differ,
 /// they are taken to be the same.
-std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp picture) const {
+std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp image) const {
   const auto offset = state_ ? wire::camera_offset(*state_) : std::nullopt;
-  const Timestamp time = picture + std::chrono::nanoseconds(offset.value_or(0));
+  const Timestamp time = image + std::chrono::nanoseconds(offset.value_or(0));
   const auto after = std::lower_bound(views_.begin(), views_.end(), time,
                                       [](const View& view, Timestamp t) { return view.time < t; });
   if (after == views_.end()) {
@@ -145,7 +145,7 @@ void RigCommander::see(const RigSight& sight) {
   }
 }
 
-/// The picture that was asked about is of a while ago: the camera turns back to where it looked then.
+/// The image that was asked about is of a while ago: the camera turns back to where it looked then.
 void RigCommander::try_place(Timestamp asked) {
   const bool is_search = looking_ != Looking::kNot || aim_ == RigAim::kSearch;
   const auto direction = direction_at(asked);

@@ -91,7 +91,7 @@ class RigCommander {
   void remember(MapId map, const Eigen::Vector3d& direction);
   [[nodiscard]] wire::RigCommand wanted() const;
   [[nodiscard]] wire::RigCommand aimed() const;
-  [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp picture) const;
+  [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp image) const;
   [[nodiscard]] bool is_due_again(const wire::RigCommand& order) const;
   [[nodiscard]] bool is_faulted() const;
   [[nodiscard]] bool is_any(wire::RigAxisCondition condition) const;  ///< of the axes

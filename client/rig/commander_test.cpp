@@ -123,7 +123,7 @@ TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThen
   (void)after(commander, lost_, 100ms);
   commander.try_place(asked);
   const auto look = after(commander, lost_, 100ms);
-  EXPECT_EQ(look.mode, RigMode::kLock);  // turned back to where that picture was taken
+  EXPECT_EQ(look.mode, RigMode::kLock);  // turned back to where that image was taken
   EXPECT_LT((look.target - Vector3d(std::cos(1), std::sin(1), 0)).norm(), 1e-9);
   RigSight verifying = lost_;
   verifying.verifying = true;
@@ -137,7 +137,7 @@ TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThen
 }
 
 /// At 180 deg/s 50 ms are 9 degrees.
-TEST_F(Commander, APlaceIsLookedAtWhereItsPictureWasTakenAlsoByAnotherClock) {
+TEST_F(Commander, APlaceIsLookedAtWhereItsImageWasTakenAlsoByAnotherClock) {
   constexpr double kRate = std::numbers::pi;  // [rad/s]
   constexpr auto kOffset = 50ms;
   const auto looks_at = [&](const std::function<void()>& tell_offset) {
@@ -212,7 +212,7 @@ TEST_F(Commander, NeutralLeavesTheCameraToTheWearerAndSearchHoldsWhatItFinds) {
   EXPECT_EQ(orders_, 1);
 }
 
-TEST_F(Commander, ASightingIsToldWithTheStampOfItsPictureAndIsNoNewOrder) {
+TEST_F(Commander, ASightingIsToldWithTheStampOfItsImageAndIsNoNewOrder) {
   RigCommander commander = make(RigAim::kFixate);
   EXPECT_EQ(after(commander, tracked_, 100ms).target.norm(), 0);
   orders_ = 0;

@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// A camera that is self-calibrated is known to the maps by the client's name and this number. Pictures of
+/// A camera that is self-calibrated is known to the maps by the client's name and this number. Images of
 /// another size come from another camera.
 uint32_t number_by_size(const Camera& camera) {
   return static_cast<uint32_t>(camera.width()) << 16 | static_cast<uint32_t>(camera.height());

@@ -9,7 +9,7 @@ namespace cairn {
 /// JPEG quality of keyframes on slow links: corners move by less than a tenth of a pixel.
 constexpr int kJpegQuality = 95;
 
-/// The picture as it travels: raw bytes without padding, or JPEG. Thread-safe.
+/// The image as it travels: raw bytes without padding, or JPEG. Thread-safe.
 [[nodiscard]] wire::ImageMessage encode_image(const GrayView& image, wire::ImageEncoding encoding);
 
 }  // namespace cairn

@@ -29,7 +29,7 @@ TEST(ImageEncoder, RawIsTheRowsWithoutPadding) {
   }
 }
 
-TEST(ImageEncoder, JpegIsSmallerAndCloseToThePicture) {
+TEST(ImageEncoder, JpegIsSmallerAndCloseToTheImage) {
   const GrayImage image = waves(101, 37);
   const wire::ImageMessage message = encode_image(image, wire::ImageEncoding::kJpeg);
   EXPECT_EQ(message.width, 101U);

@@ -273,7 +273,7 @@ void SessionCore::tell_of_proposals(MapId map) {
   if (map == proposed_to_ || keyframe_use(map) != KeyframeUse::kProposal) return;
   proposed_to_ = map;
   say(Actions::Notice::Level::kInfo,
-      "this map takes proposals: some pictures of it go to the server, whose operator may add them to the "
+      "this map takes proposals: some images of it go to the server, whose operator may add them to the "
       "map; --no-proposals keeps them here");
 }
 

@@ -119,7 +119,7 @@ class SessionCore {
   void choose_map(MapId map);
   [[nodiscard]] wire::TrackerStateMessage state_to_send() const;
   [[nodiscard]] std::optional<Outgoing> next_command(MonotonicTime now, const Readers& readers);
-  /// Pictures leave this machine, and its user may not want that.
+  /// Images leave this machine, and its user may not want that.
   void tell_of_proposals(MapId map);
   /// An offer goes out as this command. Returns the one that it is relative to, as Offer::reference.
   [[nodiscard]] uint64_t sent(const KeyframeProposal& proposal, uint64_t command);

@@ -64,7 +64,7 @@ TEST(Allocations, AreSeenHere) {
 }
 
 /// Round and round: what the first rounds had to learn (templates, places, what stands still, how much memory
-/// a picture takes) the later ones know. The way is too short for a keyframe.
+/// an image takes) the later ones know. The way is too short for a keyframe.
 TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
   constexpr int kRound = 24;          // frames
   constexpr int kRoundsToLearn = 34;  // what stands still is looked for in every eighth of 800 frames
@@ -72,18 +72,18 @@ TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
       {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
   const test::PlaneScene scene(3, camera);
   const MapSnapshotPtr map = scene.make_map(looking_down(0, 0));
-  std::vector<GrayImagePtr> pictures;
+  std::vector<GrayImagePtr> images;
   for (int i = 0; i < kRound; ++i) {
     const double angle = 2 * M_PI * i / kRound;
-    pictures.push_back(scene.render(looking_down(0.04 * std::cos(angle), 0.04 * std::sin(angle))));
+    images.push_back(scene.render(looking_down(0.04 * std::cos(angle), 0.04 * std::sin(angle))));
   }
   Tracker tracker(camera, {});
   static_cast<void>(
       tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, looking_down(0, 0)}));
   for (int i = 0; i < (kRoundsToLearn + 5) * kRound; ++i) {
-    const GrayImagePtr& picture = pictures[static_cast<size_t>(i % kRound)];
+    const GrayImagePtr& image = images[static_cast<size_t>(i % kRound)];
     const size_t before = allocations;
-    const FrameResult& result = tracker.track(picture, {int64_t{33'333'333} * i}, map);
+    const FrameResult& result = tracker.track(image, {int64_t{33'333'333} * i}, map);
     const size_t taken = allocations - before;
     if (i < kRoundsToLearn * kRound) continue;
     ASSERT_TRUE(result.pose_measured) << "frame " << i << " " << result.note;
@@ -100,17 +100,17 @@ TEST(Allocations, FollowingWhatIsProvisionalTakesNone) {
   const test::RoundRoom room(3, camera, 2);
   const MapSnapshotPtr map = room.empty_map(SE3());
   std::vector<SE3> poses;
-  std::vector<GrayImagePtr> pictures;
+  std::vector<GrayImagePtr> images;
   for (int i = 0; i < kRound; ++i) {
     const double angle = 2 * M_PI * i / kRound;
     poses.emplace_back(so3_exp({0, 0.15 * std::cos(angle), 0}),
                        Eigen::Vector3d(0.02 * std::sin(angle), 0, 0));
-    pictures.push_back(room.render(poses.back(), 2, static_cast<uint64_t>(i)));
+    images.push_back(room.render(poses.back(), 2, static_cast<uint64_t>(i)));
   }
   ProvisionalPoints points(camera);
   FrameImages frame;
   const auto follow = [&](size_t i) {
-    frame.build_pyramid(pictures[i]->view());
+    frame.build_pyramid(images[i]->view());
     points.follow(frame, poses[i], *map);
     const auto found = points.locate(poses[i], {}, 2);
     points.update(frame, {poses[i], Matrix6d::Zero(), PoseSupport::kPosition, 2}, *map, {});

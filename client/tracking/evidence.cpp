@@ -34,7 +34,7 @@ Demand demand_while_tracking(const Tracking& tracking, PoseOrigin origin, const 
     case PoseOrigin::kMotion:
       break;
   }
-  // After a frame that failed the prediction is a guess: what has left the picture is found again centimetres
+  // After a frame that failed the prediction is a guess: what has left the image is found again centimetres
   // off, on its last points.
   if (tracking.failed_frames > 0) return {Recovery::kFewestPoints, kept};
   return {};
@@ -50,7 +50,7 @@ Demand demand_of(PoseOrigin origin, const RecoveryState& state, const TrackerOpt
   return {Recovery::kFewestPoints, Recovery::kVerifiedQuality};
 }
 
-/// What leaves the picture is tracked on its last points, all of them to one side, and with these the pose
+/// What leaves the image is tracked on its last points, all of them to one side, and with these the pose
 /// runs away before it is lost. A frame that shows something else than the one before is none to be half
 /// found.
 bool is_poor_for_a_reason(const FrameEvidence& evidence) {

@@ -38,7 +38,7 @@ class Film {
     map_.point_blocks = {block};
   }
 
-  /// The next frame; by so many pixels the picture has moved since the one before.
+  /// The next frame; by so many pixels the image has moved since the one before.
   void play(float way, Exposure* exposure) {
     TinyMotion motion;
     motion.shift.x() = way / (1 << kPyramidLevels);

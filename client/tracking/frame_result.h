@@ -74,7 +74,7 @@ enum class ImuUse : uint8_t {
   kNone,         ///< there is none
   kUsed,         ///< how the camera turned since the frame before
   kMissing,      ///< nothing: its samples leave a gap there
-  kContradicts,  ///< nothing: its gyro turns otherwise than the pictures do
+  kContradicts,  ///< nothing: its gyro turns otherwise than the images do
 };
 
 struct FrameResult {

@@ -28,7 +28,7 @@ void GyroPrior::next_frame(Timestamp time) {
       turn_ = SE3(*by_encoders, Eigen::Vector3d::Zero());
     return;
   }
-  if (sensor_->contradicts_pictures()) return;
+  if (sensor_->contradicts_images()) return;
   turn_ = SE3(turn->now_from_before, Eigen::Vector3d::Zero());
   turn_sigma_ = turn->sigma;
 }
@@ -36,11 +36,11 @@ void GyroPrior::next_frame(Timestamp time) {
 ImuUse GyroPrior::use() const {
   if (!sensor_) return ImuUse::kNone;
   if (is_missing_) return ImuUse::kMissing;
-  return sensor_->contradicts_pictures() ? ImuUse::kContradicts : ImuUse::kUsed;
+  return sensor_->contradicts_images() ? ImuUse::kContradicts : ImuUse::kUsed;
 }
 
 std::optional<UpDirection> GyroPrior::up() const {
-  if (!sensor_ || !now_ || sensor_->contradicts_pictures()) return std::nullopt;
+  if (!sensor_ || !now_ || sensor_->contradicts_images()) return std::nullopt;
   return sensor_->up(*now_);
 }
 

@@ -33,7 +33,7 @@ class GyroPrior {
   /// A frame begins.
   void next_frame(Timestamp time);
   /// Since the frame before: by the gyro, or where it has no samples by the encoders of a rig. Nothing where
-  /// there are neither, and while the gyro contradicts the pictures.
+  /// there are neither, and while the gyro contradicts the images.
   [[nodiscard]] const std::optional<SE3>& turn() const { return turn_; }
   /// Whether the gyro told it, and not the encoders of a rig, which know nothing of who carries the rig.
   [[nodiscard]] bool is_by_gyro() const { return turn_sigma_.has_value(); }

@@ -125,7 +125,7 @@ void PointSearch::search(const FrameImages& frame, const SearchReach& reach, Vis
   const GrayImage& image = frame.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
   const float level_radius = std::max(1.5F, reach.radius / static_cast<float>(1 << level));
-  // Within the reach of the alignment it needs no corner: in a noisy picture corners come and go, texture
+  // Within the reach of the alignment it needs no corner: in a noisy image corners come and go, texture
   // stays.
   const bool is_near = level_radius <= kAlignmentReach;
   auto refined = is_near && reach.by != SearchBy::kCorners

@@ -30,7 +30,7 @@ constexpr double kMaxSquaredCutoff = 9.0;
 // [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt,
 // which has no ceiling, found by more than 5 was 5 to 40 cm off.
 constexpr double kMostRms = 3.0;
-// What is found grows less as things leave the picture and blur comes, but not by so much from one frame to
+// What is found grows less as things leave the image and blur comes, but not by so much from one frame to
 // the next.
 constexpr float kLeastOfQualityExpected = 0.7F;
 constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius

@@ -72,11 +72,11 @@ TEST(PoseFinder, HowNearThingsAreDoesNotDependOnWhatIsFound) {
   GrayImage covered(image->view());
   for (int y = 0; y < covered.height() / 2; ++y) std::fill_n(covered.row(y), covered.width(), uint8_t{0});
   const TrackerOptions options;
-  const auto seen = [&](const GrayImage& picture) {
+  const auto seen = [&](const GrayImage& shown) {
     PoseFinder finder(camera, options);
     finder.use_map(scene.make_map(truth));
     FrameImages frame;
-    frame.build_pyramid(picture.view());
+    frame.build_pyramid(shown.view());
     EXPECT_TRUE(finder.locate(frame, truth, normal_effort(options), nullptr));
     return std::pair{finder.near_depth().value_or(0), finder.mean_depth().value_or(0)};
   };
@@ -106,7 +106,7 @@ std::vector<float> large_things(const GrayImage& image) {
   return mean;
 }
 
-/// The small things of one picture among the large ones of another.
+/// The small things of one shown among the large ones of another.
 GrayImage small_among_large(const GrayImage& small, const GrayImage& large) {
   GrayImage mixed(small.view());
   const auto own = large_things(small);

@@ -120,8 +120,7 @@ TEST_F(ProvisionalPointsTest, DepthsComeWithParallaxAndTheirVarianceIsHonest) {
   ASSERT_GT(measured, 1000);
   std::printf("innovation over variance %.2f\n", innovations / measured);
   EXPECT_LT(innovations / measured, 1.2);
-  EXPECT_GT(innovations / measured, 0.005)
-      << "patches of pictures of the world are good to a third of a pixel";
+  EXPECT_GT(innovations / measured, 0.005) << "patches of images of the world are good to a third of a pixel";
   int known = 0;
   int within_sigmas = 0;
   int within_share = 0;

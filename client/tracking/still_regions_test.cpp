@@ -104,7 +104,7 @@ TEST_F(StillRegionsTest, ACameraAtRestMasksNothing) {
   EXPECT_EQ(still_cells(), 0U);
 }
 
-// A dark wall that fills the side of the picture for a while has an edge that moves.
+// A dark wall that fills the side of the image for a while has an edge that moves.
 TEST_F(StillRegionsTest, AnEdgeThatMovesIsNoBorder) {
   for (int i = 0; i < 40; ++i) {
     (void)still_.learn(

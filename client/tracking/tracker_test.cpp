@@ -41,7 +41,7 @@ struct SeedWorld {
   test::PlaneScene scene{7, camera};
 };
 
-TEST(FrameImages, CornersAreThoseOfThePictureThatWasGivenLast) {
+TEST(FrameImages, CornersAreThoseOfTheImageThatWasGivenLast) {
   SeedWorld world;
   FrameImages images;
   images.build_pyramid(world.scene.render(looking_down(0, 0))->view());
@@ -54,7 +54,7 @@ TEST(FrameImages, CornersAreThoseOfThePictureThatWasGivenLast) {
     ASSERT_FALSE(expected.corners.empty());
     EXPECT_EQ(images.corners(level).corners.size(), expected.corners.size()) << "level " << level;
   }
-  EXPECT_NE(images.corners(0).corners.size(), before) << "another picture";
+  EXPECT_NE(images.corners(0).corners.size(), before) << "another image";
 }
 
 TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
@@ -82,7 +82,7 @@ TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
 }
 
 /// A place that may be known is not mapped again: a seed needs a fresh "not known", about the trails' own
-/// pictures.
+/// images.
 TEST(Tracker, NoSeedWithoutAFreshWordThatThePlaceIsNotKnown) {
   SeedWorld world;
   const auto proposed = [&](const std::function<void(Tracker&, int)>& answer) {
@@ -184,8 +184,8 @@ TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
   EXPECT_LT(center_distance(step(truth).camera_from_map, truth), 2e-3);
 }
 
-/// Its memory is tried while it cannot have gone far. Of a covered lens "not known" says nothing, of a
-/// picture with much to see it says that the camera is elsewhere: then only who compares with all maps is
+/// Its memory is tried while it cannot have gone far. Of a covered lens "not known" says nothing, of an
+/// image with much to see it says that the camera is elsewhere: then only who compares with all maps is
 /// believed.
 TEST_F(OnMap, MemoryIsNotBelievedOnceTheCameraWasSeenElsewhere) {
   const test::PlaneScene elsewhere(99, camera);
@@ -308,7 +308,7 @@ TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsV
   }
 }
 
-/// What hides the corners and leaves the picture as it is: blur.
+/// What hides the corners and leaves the image as it is: blur.
 GrayImagePtr blurred(const GrayImage& image) {
   constexpr int kRadius = 12;
   auto out = std::make_shared<GrayImage>(image.width(), image.height());
@@ -328,7 +328,7 @@ GrayImagePtr blurred(const GrayImage& image) {
   return out;
 }
 
-/// On the last points of what leaves the picture the pose may run away.
+/// On the last points of what leaves the image the pose may run away.
 TEST_F(OnMap, APoorPoseFarFromThePredictedOneIsNotBelieved) {
   constexpr int kSharp = 80;  // [px] on the left
   TrackerOptions few = options();

@@ -30,7 +30,7 @@ constexpr double kMaxDepthSigma = 0.05;  // of the depths in the median: known t
 constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
-/// picture.
+/// image.
 std::vector<Candidate> spread(std::vector<Candidate> candidates, const GrayView& image, size_t count) {
   constexpr int kCell = 32;  // [px]
   const int columns = (image.width + kCell - 1) / kCell;
@@ -91,7 +91,7 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   movement_ = 0;
   tried_at_movement_ = 0;
   const GrayView level0 = now.pyramid.level(0);
-  // A picture poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
+  // An image poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
   // best.
   auto candidates = find_candidates(level0, now.corners(0));
   if (candidates.size() < static_cast<size_t>(options_.trail_count) / 2) {
@@ -156,7 +156,7 @@ Warp TrailFollower::warp_from_first() const {
   return fit_warp(ends);
 }
 
-/// In a sharp picture it is found at level 0, in one that is noisy or blurred perhaps at level 1 only.
+/// In a sharp image it is found at level 0, in one that is noisy or blurred perhaps at level 1 only.
 std::optional<Eigen::Vector2f> TrailFollower::match_first_patch(const FollowedTrail& trail, int level,
                                                                 const Warp& warp, const FrameImages& now) {
   constexpr int kRefinements = 10;
@@ -194,7 +194,7 @@ void TrailFollower::remember_way(const FrameImages& now) {
     for (FollowedTrail& t : trails_) thin_out(&t.path);
   }
   way_.push_back(movement_);
-  // Trails stay in the order in which they were chosen, all over the picture: the first ones will do.
+  // Trails stay in the order in which they were chosen, all over the image: the first ones will do.
   const auto found = match_with_first(now, kMostRemembered);
   for (size_t i = 0; i < trails_.size(); ++i)
     trails_[i].path.push_back(i < found.size() ? found[i] : kNowhere);
@@ -279,7 +279,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
   if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
   if (movement_ < kFewestMovement * static_cast<float>(image->width())) {
     note_ =
-        fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement_);
+        fmt::format("no parallax yet: the image has moved {:.0f} px; move the camera sideways", movement_);
     return std::nullopt;
   }
   if (movement_ < kMoreMovement * tried_at_movement_) return std::nullopt;

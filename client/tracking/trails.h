@@ -19,7 +19,7 @@ namespace cairn {
 
 /// Follows corners of a first frame until two frames are far enough apart to make a map (PTAM 2007,
 /// section 6.1, without the key presses): frame to frame with a backward check, and the two-view tests of
-/// common/geometry when the picture has moved enough. Pure; one thread.
+/// common/geometry when the image has moved enough. Pure; one thread.
 class TrailFollower {
  public:
   TrailFollower(CameraPtr camera, const TrackerOptions& options);
@@ -82,7 +82,7 @@ class TrailFollower {
   [[nodiscard]] static std::optional<Eigen::Vector2f> match_first_patch(const FollowedTrail& trail, int level,
                                                                         const Warp& warp,
                                                                         const FrameImages& now);
-  /// How the picture around the trails has turned and stretched since their first frame.
+  /// How the image around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
   void remember_way(const FrameImages& now);

@@ -97,7 +97,7 @@ TEST_F(Trails, TheMotionProposedIsTheCamerasWhateverTheWay) {
   }
 }
 
-/// Sharp pictures leave the depths known at less parallax than two views alone need, unless the camera turns:
+/// Sharp images leave the depths known at less parallax than two views alone need, unless the camera turns:
 /// a calibration or a shutter that is a little wrong spoils them then, and no noise tells.
 TEST_F(Trails, ALittleParallaxIsEnoughWhereNeitherNoiseNorATurnSpoilsTheDepths) {
   constexpr double kTwoViews = 1.2 * M_PI / 180;  // what two views alone need

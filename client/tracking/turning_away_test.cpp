@@ -106,7 +106,7 @@ TEST(TurningAway, AGyroCarriesTheRotationWhereNothingShows) {
   EXPECT_GT(BlankTurn::lost(false, &worst), 30) << "without one it is lost";
 }
 
-/// Each frame is exposed all the time: the picture is smeared by up to 16 px, and no corners are left.
+/// Each frame is exposed all the time: the image is smeared by up to 16 px, and no corners are left.
 TEST(TurningAway, AQuickSmearedTurnIsHeld) {
   const CameraPtr camera =
       *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});

@@ -21,7 +21,7 @@ using Intrinsics = Eigen::Matrix<double, kIntrinsics, 1>;
 [[nodiscard]] Eigen::Matrix<double, 2, kIntrinsics> d_pixel_d_intrinsics(const Camera& camera,
                                                                          const Eigen::Vector3d& point);
 
-/// Largest move [px] of a pixel of the picture's border and corners, for rays that both cameras see.
+/// Largest move [px] of a pixel of the image's border and corners, for rays that both cameras see.
 [[nodiscard]] double largest_move(const Camera& from, const Camera& to);
 
 /// A prior is a normal distribution that all but ends at kPriorReach sigma: what lies beyond costs kWall

@@ -160,7 +160,7 @@ TEST(FindCameras, SigmaOwnsUpToWhatIsTakenForGiven) {
   EXPECT_LT(sigma, 0.2) << "so large a sigma says nothing";
 }
 
-/// Adds what no two keyframes have in common: each picture is a little larger or smaller than it should be.
+/// Adds what no two keyframes have in common: each image is a little larger or smaller than it should be.
 void breathe(BundleProblem* problem, double sigma, Random* random) {
   std::vector<double> size(problem->poses.size());
   for (double& s : size) s = random->normal(sigma);

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// How the picture around the matches turned, stretched and sheared from the first view to the second: the
+/// How the image around the matches turned, stretched and sheared from the first view to the second: the
 /// linear part of the affine map that fits the better two thirds of them (least trimmed squares, three
 /// rounds). Identity for fewer than six matches and for matches on a line. Pure; safe to call from any
 /// thread.

@@ -33,10 +33,10 @@ struct CameraParameters {
 };
 
 /// In pixels.
-struct PictureSize {
+struct ImageSize {
   int width = 0;
   int height = 0;
-  bool operator==(const PictureSize&) const = default;
+  bool operator==(const ImageSize&) const = default;
 };
 
 using Matrix23d = Eigen::Matrix<double, 2, 3>;

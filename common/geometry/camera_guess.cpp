@@ -51,7 +51,7 @@ std::optional<IntrinsicsPrior> intrinsics_prior(const CameraParameters& paramete
   return IntrinsicsPrior{parameters, focal_sigma, sigma[kK1]};
 }
 
-IntrinsicsPrior guess_camera(PictureSize size) {
+IntrinsicsPrior guess_camera(ImageSize size) {
   const double focal = 0.5 * std::max(size.width, size.height) / std::tan(kUsualHalfView);
   IntrinsicsPrior guess;
   guess.parameters = {CameraModel::kPinholeRadtan,

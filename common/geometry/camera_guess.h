@@ -14,7 +14,7 @@ inline constexpr double kLeastPriorSigma = 1e-6;
 /// Of pinhole-radtan.
 inline constexpr size_t kPriorValues = 9;
 
-/// Whether a camera could have it: 0.1 to 20 times the longer side of its picture.
+/// Whether a camera could have it: 0.1 to 20 times the longer side of its image.
 [[nodiscard]] bool is_focal_length(double focal, int width, int height);
 
 /// Whether pixels could be so: their width in heights, fy / fx, from 0.2 to 5.
@@ -36,10 +36,10 @@ struct IntrinsicsPrior {
 [[nodiscard]] std::optional<IntrinsicsPrior> intrinsics_prior(const CameraParameters& parameters,
                                                               const std::vector<double>& sigma);
 
-/// What a camera of which only the picture's size is known is likely to be: 60 degrees of view along the
+/// What a camera of which only the image's size is known is likely to be: 60 degrees of view along the
 /// longer side, square pixels, centre in the middle, no distortion. Sigma 35 %: 0.5 to 1.5 times the longer
 /// side within two sigma, from wide-angle to telephoto-ish phones and web cameras.
-[[nodiscard]] IntrinsicsPrior guess_camera(PictureSize size);
+[[nodiscard]] IntrinsicsPrior guess_camera(ImageSize size);
 
 /// A pinhole calibration without any distortion, believed as the data sheet that it is likely to be from:
 /// focal length to 0.5 %, k1 to 0.05. Nothing for a calibration with distortion, and for other models: those

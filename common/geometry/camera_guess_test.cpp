@@ -10,7 +10,7 @@ namespace cairn {
 namespace {
 
 TEST(CameraGuess, SixtyDegreesAlongTheLongerSide) {
-  for (const PictureSize size : {PictureSize{640, 480}, PictureSize{480, 640}, PictureSize{1920, 1080}}) {
+  for (const ImageSize size : {ImageSize{640, 480}, ImageSize{480, 640}, ImageSize{1920, 1080}}) {
     const IntrinsicsPrior guess = guess_camera(size);
     const auto camera = make_camera(guess.parameters);
     ASSERT_TRUE(camera);

@@ -25,7 +25,7 @@ CameraParameters parameters_of(int width, int height, std::vector<double> values
   return {CameraModel::kPinholeRadtan, width, height, std::move(values)};
 }
 
-/// TUM-VI's camera 0 (Kalibr), whose field of view in the picture's corners is beyond 90 degrees off the
+/// TUM-VI's camera 0 (Kalibr), whose field of view in the image's corners is beyond 90 degrees off the
 /// axis.
 const CameraParameters kTumVi{
     CameraModel::kKannalaBrandt,

@@ -7,16 +7,16 @@
 
 namespace cairn {
 
-/// Local depth order of the points of a picture: what lies behind nearer points beside it is hidden by the
+/// Local depth order of the points of an image: what lies behind nearer points beside it is hidden by the
 /// thing that they are part of, more likely than not, and what is seen at its pixel says nothing about it.
-/// Keeps its grid from picture to picture. One thread.
+/// Keeps its grid from image to image. One thread.
 class DepthOrder {
  public:
-  /// For pictures of this size [px].
+  /// For images of this size [px].
   DepthOrder(int width, int height);
 
   void clear();
-  /// A point at a pixel; those outside the picture count for its rim. Depth in any unit, above 0.
+  /// A point at a pixel; those outside the image count for its rim. Depth in any unit, above 0.
   void add(const Eigen::Vector2f& pixel, float depth);
   /// Whether a point at this pixel is clearly behind two of those added, or more, in its cell of 16 px or
   /// those next to it. `behind`: how many times as deep as they it must be.

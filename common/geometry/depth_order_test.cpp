@@ -10,7 +10,7 @@ constexpr int kWidth = 640;
 constexpr int kHeight = 480;
 constexpr float kBehind = 1.4F;
 
-/// A screen at 0.5 m in the middle of the picture, a wall at 1 m around it.
+/// A screen at 0.5 m in the middle of the image, a wall at 1 m around it.
 DepthOrder screen_before_wall() {
   DepthOrder order(kWidth, kHeight);
   for (float y = 8; y < kHeight; y += 16) {

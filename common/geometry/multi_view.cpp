@@ -17,10 +17,10 @@ namespace {
 
 constexpr int kIterations = 30;
 /// [px] Residuals below are taken for chance: what rounding to whole grey values leaves of a patch. Not a
-/// guess of the noise, which the residuals say: trails of a sharp picture are good to 0.04 px.
+/// guess of the noise, which the residuals say: trails of a sharp image are good to 0.04 px.
 constexpr double kLeastNoise = 0.01;
 /// The best motion is clear when the second costs this many times as much. The noise of trails differs by ten
-/// between sharp and compressed pictures, so the residuals themselves say how large it is; what calibration
+/// between sharp and compressed images, so the residuals themselves say how large it is; what calibration
 /// leaves unexplained is in both, and so is what neither explains.
 constexpr double kClearRatio = 1.1;
 
@@ -36,7 +36,7 @@ constexpr double kLeastGain = 1e-4;
 /// depth.
 constexpr double kAlongMotion = 1e-12;
 /// Of the focal length of a camera that counts as known; a turn of 30 degrees/s that is read for a 30th of a
-/// second leaves as much of the picture's height and shear.
+/// second leaves as much of the image's height and shear.
 constexpr double kCommonSigma = 0.0125;
 /// Of the smallest pivot to the largest: below, the views do not determine their poses.
 constexpr double kSingular = 1e-12;
@@ -264,7 +264,7 @@ double noise_variance(const Problem& problem, const std::vector<double>& squared
 }
 
 /// [px] What may be wrong with all pixels alike, by one sigma each: a calibration's focal length, and what a
-/// shutter that reads row by row makes of a turn, which lengthens or shears the picture.
+/// shutter that reads row by row makes of a turn, which lengthens or shears the image.
 CommonErrors common_errors(const Problem& problem, const Eigen::Vector2d& pixel) {
   const Eigen::Vector2d from_center = kCommonSigma * (pixel - problem.center);
   CommonErrors errors;

@@ -31,7 +31,7 @@ struct AdjustedMotion {
   double depth_sigma = 0;      ///< standard deviation of a point's distance over the distance; median of the
                                ///< points. Of the noise, the poses' own uncertainty included, and of what no
                                ///< noise tells of: a calibration or a shutter that stretches or shears all
-                               ///< pictures alike, which spoils depths as the camera turns
+                               ///< images alike, which spoils depths as the camera turns
 };
 
 struct MotionsAdjusted {
@@ -42,7 +42,7 @@ struct MotionsAdjusted {
 /// Adjusts each motion, with the poses of all further views and the points' inverse distances from the first
 /// (Civera, Davison and Montiel, T-RO 2008, with the first view's ray for certain), to the least robust
 /// reprojection error, from the start that the motion gives. A point that would lie behind stays at infinity:
-/// its error is what the motion pays for it. Two motions of a plane predict different pictures on the way,
+/// its error is what the motion pays for it. Two motions of a plane predict different images on the way,
 /// unless that is straight. Pure; safe to call from any thread.
 [[nodiscard]] MotionsAdjusted adjust_motions(const Camera& camera, const MultiView& views,
                                              std::span<const SE3> last_from_first);

@@ -26,7 +26,7 @@ constexpr int kPoints = 250;
 class PlaneOnTheWay {
  public:
   /// `curvature`: how far the middle of the way lies beside the straight line, over the baseline.
-  /// `spoilt`: what stretches or shears all pictures about their centre, and no camera knows of.
+  /// `spoilt`: what stretches or shears all images about their centre, and no camera knows of.
   PlaneOnTheWay(unsigned seed, double curvature, double noise,
                 const Eigen::Matrix2d& spoilt = Eigen::Matrix2d::Identity())
       : random_(seed), noise_(noise), spoilt_(spoilt) {
@@ -141,9 +141,9 @@ TEST(MultiView, ACurvedPathTellsTheMotionsOfAPlaneApart) {
   }
 }
 
-/// Trails of a sharp picture are as good as this: their residuals say how much another motion may cost, no
+/// Trails of a sharp image are as good as this: their residuals say how much another motion may cost, no
 /// floor does.
-TEST(MultiView, TheNoiseOfSharpPicturesIsMeasured) {
+TEST(MultiView, TheNoiseOfSharpImagesIsMeasured) {
   constexpr double kNoise = 0.03;
   for (unsigned seed = 1; seed <= 5; ++seed) {
     const PlaneOnTheWay plane(seed, 0.5, kNoise);
@@ -252,7 +252,7 @@ TEST(MultiView, TheDepthsAreAsUncertainAsTheNoiseAndTheBaselineLeaveThem) {
   EXPECT_NEAR(ratios[ratios.size() / 2], 2, 0.3);
 }
 
-/// A picture that is longer, higher or sheared by 1.25 % spoils the depths by as much as is said without
+/// An image that is longer, higher or sheared by 1.25 % spoils the depths by as much as is said without
 /// knowing that it is.
 TEST(MultiView, TheDepthsAreAsUncertainAsACameraThatIsALittleWrongLeavesThem) {
   constexpr double kOff = 0.0125;

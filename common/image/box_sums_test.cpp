@@ -152,7 +152,7 @@ TEST(ZmssdSearchTest, ExtremesDoNotOverflow) {
   }
 }
 
-/// The largest sums there are, on either side: a picture all white differs from one all black by its mean
+/// The largest sums there are, on either side: an image all white differs from one all black by its mean
 /// only.
 TEST(ZmssdSearchTest, WhiteIsBlackLessItsMean) {
   const GrayImage black = test::render(40, 24, [](int, int) { return 0; });

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// How much of a picture is new to a map: of its cells that have texture, those in which no point of the map
+/// How much of an image is new to a map: of its cells that have texture, those in which no point of the map
 /// was measured. Map maker and tracker judge a keyframe by the same measure.
 class KnownArea {
  public:

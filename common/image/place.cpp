@@ -13,7 +13,7 @@ constexpr int kBarrier = 6;
 constexpr float kMinShiTomasi = 20;
 
 /// At most `count` candidates, spread over the image: the n-th best of a cell counts as a n-th of its score.
-/// Cells with many strong corners have more than their share, and what is weak beside the rest of the picture
+/// Cells with many strong corners have more than their share, and what is weak beside the rest of the image
 /// comes last, however much of it other light brings out: the order is the same at every gain.
 std::vector<Corner> spread(const std::vector<Candidate>& candidates, const GrayView& image, int count) {
   std::array<std::vector<Candidate>, size_t{kCellsAcross} * kCellsDown> cells;

@@ -21,7 +21,7 @@ struct PlaceCorner {
   Descriptor descriptor{};
 };
 
-/// What a camera tells of a picture to find out where it was taken: its coarsest pyramid level (80x60 of
+/// What a camera tells of an image to find out where it was taken: its coarsest pyramid level (80x60 of
 /// 640x480; the tiny image of any blur is made from it) and its best corners. About 35 kB.
 struct PlaceView {
   GrayImage small;  ///< pyramid level 3
@@ -32,7 +32,7 @@ struct PlaceView {
 /// Corners described at most, by level. Coarse ones are few and stand motion blur.
 constexpr std::array<int, kPyramidLevels> kPlaceCorners = {450, 250, 120, 60};
 
-/// Describes a picture whose FAST corners (thresholds of PTAM r114) have been found. The strongest corners
+/// Describes an image whose FAST corners (thresholds of PTAM r114) have been found. The strongest corners
 /// (Shi-Tomasi) of each cell of a grid are taken, so that one busy corner of the view does not use up all;
 /// their order does not depend on the gain. Deterministic.
 [[nodiscard]] PlaceView describe_place(const Pyramid& pyramid,

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// How the pixels of a frame move while it is exposed, which smears its picture: a shift and a turn about the
+/// How the pixels of a frame move while it is exposed, which smears its image: a shift and a turn about the
 /// optical axis, as the small images see it.
 class Smear {
  public:

@@ -126,7 +126,7 @@ TEST(AlignTinyTest, FindsTheMotionItIsDefinedBy) {
   }
 }
 
-/// Aligned by the best motion, strangers agree by chance, too: of a picture of a few waves by 0.7.
+/// Aligned by the best motion, strangers agree by chance, too: of an image of a few waves by 0.7.
 TEST(TinyCorrelationTest, TheSameViewInOtherLightIsMoreAlikeThanAnyOther) {
   for (uint32_t seed = 0; seed < 30; ++seed) {
     const MovedPair pair = moved_pair(seed, {1.2, -0.7}, 0.03, 25);

@@ -35,7 +35,7 @@ std::pair<std::filesystem::path, std::string> split_camera(const std::filesystem
   return {text.substr(0, mark), text.substr(mark + 1)};
 }
 
-/// Whether the distortion can be undone half-way to the longer sides of the picture; a fisheye may show no
+/// Whether the distortion can be undone half-way to the longer sides of the image; a fisheye may show no
 /// more.
 bool can_be_undone(const Camera& camera) {
   const double radius = 0.25 * std::min(camera.width(), camera.height());
@@ -50,7 +50,7 @@ bool can_be_undone(const Camera& camera) {
   return true;
 }
 
-/// Why no camera of pictures can be so, or nothing: a slip of the pen that would cost a map, told before it
+/// Why no camera of images can be so, or nothing: a slip of the pen that would cost a map, told before it
 /// does.
 std::string implausible(const Camera& camera) {
   const int width = camera.width();
@@ -58,14 +58,14 @@ std::string implausible(const Camera& camera) {
   const auto& v = camera.parameters().values;
   std::ostringstream why;
   if (!is_focal_length(v[0], width, height) || !is_focal_length(v[1], width, height)) {
-    why << "focal lengths " << v[0] << " and " << v[1] << " px for a picture of " << width << "x" << height;
+    why << "focal lengths " << v[0] << " and " << v[1] << " px for an image of " << width << "x" << height;
   } else if (!is_pixel_aspect(v[1] / v[0])) {
     why << "focal lengths " << v[0] << " and " << v[1] << " px, far from each other";
   } else if (!camera.in_image({v[2], v[3]})) {
-    why << "the principal point " << v[2] << ", " << v[3] << " lies outside the picture of " << width << "x"
+    why << "the principal point " << v[2] << ", " << v[3] << " lies outside the image of " << width << "x"
         << height;
   } else if (!can_be_undone(camera)) {
-    why << "its distortion folds the picture over half-way to its edge";
+    why << "its distortion folds the image over half-way to its edge";
   }
   return why.str();
 }
@@ -178,7 +178,7 @@ std::filesystem::path calibration_file(const std::filesystem::path& name) {
 }
 
 Result<CameraParameters> read_calibration(const std::filesystem::path& name,
-                                          std::optional<PictureSize> picture_size) {
+                                          std::optional<ImageSize> image_size) {
   const auto [path, camera_name] = split_camera(name);
   auto content = read_text_file(path, kMaxCalibrationBytes);
   if (!content) {
@@ -187,7 +187,7 @@ Result<CameraParameters> read_calibration(const std::filesystem::path& name,
     error.message += "; pass --calibration FILE";
     return tl::unexpected(error);
   }
-  const calibration::File file{path, *content, picture_size, camera_name};
+  const calibration::File file{path, *content, image_size, camera_name};
   auto parameters = parse_as_told(file);
   if (!parameters) return parameters;
   const auto camera = make_camera(*parameters);
@@ -195,7 +195,7 @@ Result<CameraParameters> read_calibration(const std::filesystem::path& name,
   if (parameters->width > kMaxImageSide || parameters->height > kMaxImageSide) {
     return wrong(path.string() + ": " + std::to_string(parameters->width) + "x" +
                  std::to_string(parameters->height) + " px; at most " + std::to_string(kMaxImageSide) +
-                 " a side are served: scale pictures and calibration down");
+                 " a side are served: scale images and calibration down");
   }
   if (const std::string why = implausible(**camera); !why.empty())
     return wrong(path.string() + ": " + why +

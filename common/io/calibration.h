@@ -21,15 +21,15 @@ namespace cairn {
 ///  plumb_bob, rational_polynomial (its denominator being one), equidistant or fisheye;
 ///  * the settings of ORB-SLAM2 and 3 and of VINS' cameras, COLMAP's cameras.txt, the four lines of LSD-SLAM
 ///  and DSO, KITTI's calib.txt and calib_cam_to_cam.txt;
-///  * PTAM's camera.cfg, `Camera.Parameters=[ fx fy cx cy w ]` in units of the picture's sides, or its five
+///  * PTAM's camera.cfg, `Camera.Parameters=[ fx fy cx cy w ]` in units of the image's sides, or its five
 ///  numbers alone.
 /// Of several cameras `FILE#NAME` takes one: cam1 (Kalibr), Camera2 (ORB-SLAM), an id (COLMAP), P2 or K_02
-/// (KITTI). `picture_size` must be given for PTAM, and where ORB-SLAM or KITTI do not say it.
+/// (KITTI). `image_size` must be given for PTAM, and where ORB-SLAM or KITTI do not say it.
 /// Pinhole-radtan has all nine values [fx fy cx cy k1 k2 p1 p2 k3]. The result makes a camera (make_camera).
 /// Pixel (0,0) is the centre of the first pixel. Errors (kNotFound, kIo, kConfiguration: also for what no
-/// camera can be, a principal point beside the picture, say) name file, line and remedy. Thread-safe.
+/// camera can be, a principal point beside the image, say) name file, line and remedy. Thread-safe.
 [[nodiscard]] Result<CameraParameters> read_calibration(const std::filesystem::path& path,
-                                                        std::optional<PictureSize> picture_size = {});
+                                                        std::optional<ImageSize> image_size = {});
 /// The file that read_calibration() reads for a name, which may be `FILE#NAME`.
 [[nodiscard]] std::filesystem::path calibration_file(const std::filesystem::path& name);
 

@@ -75,7 +75,7 @@ Result<CameraParameters> with_distortion(CameraParameters linear, Distortion dis
   return linear;
 }
 
-CameraParameters in_pixels(PictureSize size, const std::vector<double>& v) {
+CameraParameters in_pixels(ImageSize size, const std::vector<double>& v) {
   return {CameraModel::kPinholeRadtan,
           size.width,
           size.height,

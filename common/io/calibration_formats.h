@@ -16,7 +16,7 @@ namespace cairn::calibration {
 struct File {
   const std::filesystem::path& path;
   const std::string& content;
-  std::optional<PictureSize> picture_size;
+  std::optional<ImageSize> image_size;
   std::string_view camera;  ///< which of several; empty: the only one
 };
 
@@ -58,9 +58,9 @@ enum class Distortion { kRadtan, kEquidistant, kFov, kNone };
 /// the model has are left out. The error has no place yet.
 [[nodiscard]] Result<CameraParameters> with_distortion(CameraParameters linear, Distortion distortion,
                                                        std::vector<double> coefficients);
-/// fx fy cx cy in units of the picture's sides, whose first pixel begins at 0, as PTAM, LSD-SLAM and DSO have
+/// fx fy cx cy in units of the image's sides, whose first pixel begins at 0, as PTAM, LSD-SLAM and DSO have
 /// them.
-[[nodiscard]] CameraParameters in_pixels(PictureSize size, const std::vector<double>& sides);
+[[nodiscard]] CameraParameters in_pixels(ImageSize size, const std::vector<double>& sides);
 
 /// Of pinhole-radtan.
 constexpr size_t kRadtanValues = 9;

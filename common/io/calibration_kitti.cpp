@@ -54,9 +54,9 @@ std::vector<Candidate> candidates_of(const File& file) {
     if (sides.size() == 2) {
       linear.width = side_from_number(sides[0]);
       linear.height = side_from_number(sides[1]);
-    } else if (file.picture_size) {
-      linear.width = file.picture_size->width;
-      linear.height = file.picture_size->height;
+    } else if (file.image_size) {
+      linear.width = file.image_size->width;
+      linear.height = file.image_size->height;
     }
     linear.values = rectified ? std::vector{m[0], m[5], m[2], m[6]} : std::vector{m[0], m[4], m[2], m[5]};
     const auto camera = with_distortion(std::move(linear), Distortion::kRadtan,
@@ -66,12 +66,12 @@ std::vector<Candidate> candidates_of(const File& file) {
   return candidates;
 }
 
-/// Rectified cameras share one matrix, and then it does not matter which; pictures of another size are none
+/// Rectified cameras share one matrix, and then it does not matter which; images of another size are none
 /// of theirs.
 void leave_out_others(const File& file, std::vector<Candidate>* candidates) {
   if (!file.camera.empty()) return;
   std::erase_if(*candidates, [&](const Candidate& c) {
-    return file.picture_size && PictureSize{c.parameters.width, c.parameters.height} != *file.picture_size;
+    return file.image_size && ImageSize{c.parameters.width, c.parameters.height} != *file.image_size;
   });
   const bool alike = std::all_of(candidates->begin(), candidates->end(), [&](const Candidate& c) {
     return c.parameters == candidates->front().parameters;
@@ -92,10 +92,9 @@ Result<CameraParameters> parse_kitti(const File& file) {
   auto candidates = candidates_of(file);
   leave_out_others(file, &candidates);
   if (candidates.empty()) {
-    return wrong(
-        file.path.string() +
-        ": KITTI's calibration of pictures of another size; write the line `width height fx fy cx cy` "
-        "of your pictures into camera.txt");
+    return wrong(file.path.string() +
+                 ": KITTI's calibration of images of another size; write the line `width height fx fy cx cy` "
+                 "of your images into camera.txt");
   }
   std::vector<std::string> names;
   for (const Candidate& c : candidates) names.push_back(c.name);
@@ -104,10 +103,9 @@ Result<CameraParameters> parse_kitti(const File& file) {
   const auto& chosen =
       candidates[static_cast<size_t>(std::find(names.begin(), names.end(), *name) - names.begin())];
   if (chosen.parameters.width == 0 || chosen.parameters.height == 0) {
-    return wrong(
-        file.path.string() +
-        ": KITTI's calibration has no picture size, and the source does not tell its size; write one "
-        "line `width height fx fy cx cy` into camera.txt");
+    return wrong(file.path.string() +
+                 ": KITTI's calibration has no image size, and the source does not tell its size; write one "
+                 "line `width height fx fy cx cy` into camera.txt");
   }
   return chosen.parameters;
 }

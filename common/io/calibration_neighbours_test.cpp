@@ -17,8 +17,8 @@ constexpr double kFine = 1e-9;
 
 class NeighboursCalibration : public Calibration {
  protected:
-  void expect(const std::string& content, CameraModel model, PictureSize size,
-              const std::vector<double>& values, std::optional<PictureSize> source = {},
+  void expect(const std::string& content, CameraModel model, ImageSize size,
+              const std::vector<double>& values, std::optional<ImageSize> source = {},
               const std::string& camera = "") {
     SCOPED_TRACE(content.substr(0, 300));
     const auto read = read_calibration(write(content).string() + camera, source);
@@ -141,7 +141,7 @@ TEST_F(NeighboursCalibration, CameraInfoIsReadAsItIsEchoed) {
          {500, 501, 320, 240, 0.1, -0.2, 0.001, 0.002});
 }
 
-TEST_F(NeighboursCalibration, CameraInfoOfOtherPicturesIsRefused) {
+TEST_F(NeighboursCalibration, CameraInfoOfOtherImagesIsRefused) {
   expect_error(replaced(kEcho, "binning_x: 0", "binning_x: 2"), ":27: the calibration is that of the whole");
   expect_error(replaced(kEcho, "x_offset: 0", "x_offset: 8"), "binned or cut out");
   expect_error(replaced(kEcho, "- 500.0", "- 0.0"), "a camera that nobody has calibrated");
@@ -209,10 +209,10 @@ Map.mapfile: map.bin
 TEST_F(NeighboursCalibration, OrbSlam2TakesTheSourcesSize) {
   expect(kOrbSlam2, CameraModel::kPinholeRadtan, {640, 480},
          {517.306408, 516.469215, 318.64304, 255.313989, 0.262383, -0.953104, -0.005358, 0.002628, 1.163314},
-         PictureSize{640, 480});
+         ImageSize{640, 480});
   expect(replaced(kOrbSlam2, "Camera.k3: 1.163314\n", "Camera.type: \"Rectified\"\n"),
          CameraModel::kPinholeRadtan, {640, 480},
-         {517.306408, 516.469215, 318.64304, 255.313989, 0, 0, 0, 0, 0}, PictureSize{640, 480});
+         {517.306408, 516.469215, 318.64304, 255.313989, 0, 0, 0, 0, 0}, ImageSize{640, 480});
   expect_error(kOrbSlam2, "without Camera.width and Camera.height");
 }
 
@@ -336,18 +336,18 @@ TEST_F(NeighboursCalibration, KittiOdometry) {
       "P0: " + p0 + "P1: " + replaced(p0, "02 0 0", "02 -386.1 0") +
       "Tr: 4.27e-04 -9.99e-01 -8.08e-03 -1.19e-02 -7.2e-03 8.08e-03 -9.99e-01 -5.4e-02 9.99e-01 "
       "4.8e-04 -7.2e-03 -2.9e-01\n";
-  const PictureSize size{1241, 376};
+  const ImageSize size{1241, 376};
   const std::vector<double> values = {718.856, 718.856, 607.1928, 185.2157, 0, 0, 0, 0, 0};
   expect(calib, CameraModel::kPinholeRadtan, size, values, size);
   expect("P0: " + p0, CameraModel::kPinholeRadtan, size, values, size);
-  expect_error(calib, "KITTI's calibration has no picture size");
+  expect_error(calib, "KITTI's calibration has no image size");
   const std::string other = calib + "P2: " + replaced(p0, "6.07", "5.07");
   EXPECT_THAT(read_calibration(write(other), size).error().message, HasSubstr("P0, P1, P2; say which"));
   expect(other, CameraModel::kPinholeRadtan, size, {718.856, 718.856, 507.1928, 185.2157, 0, 0, 0, 0, 0},
          size, "#P2");
 }
 
-TEST_F(NeighboursCalibration, KittiRawIsChosenByThePicturesSize) {
+TEST_F(NeighboursCalibration, KittiRawIsChosenByTheImagesSize) {
   const std::string raw = R"(calib_time: 09-Jan-2012 13:57:47
 corner_dist: 9.950000e-02
 S_00: 1.392000e+03 5.120000e+02
@@ -357,14 +357,14 @@ S_rect_00: 1.242000e+03 3.750000e+02
 P_rect_00: 721.5377 0 609.5593 0 0 721.5377 172.854 0 0 0 1 0
 )";
   expect(raw, CameraModel::kPinholeRadtan, {1242, 375},
-         {721.5377, 721.5377, 609.5593, 172.854, 0, 0, 0, 0, 0}, PictureSize{1242, 375});
+         {721.5377, 721.5377, 609.5593, 172.854, 0, 0, 0, 0, 0}, ImageSize{1242, 375});
   expect(raw, CameraModel::kPinholeRadtan, {1392, 512},
-         {984.2439, 980.8141, 690, 233.1966, -0.37, 0.2, 0.001, 0.002, -0.07}, PictureSize{1392, 512});
+         {984.2439, 980.8141, 690, 233.1966, -0.37, 0.2, 0.001, 0.002, -0.07}, ImageSize{1392, 512});
   expect(raw, CameraModel::kPinholeRadtan, {1392, 512},
          {984.2439, 980.8141, 690, 233.1966, -0.37, 0.2, 0.001, 0.002, -0.07}, {}, "#K_00");
   expect_error(raw, "K_00, P_rect_00; say which");
-  EXPECT_THAT(read_calibration(write(raw), PictureSize{640, 480}).error().message,
-              HasSubstr("KITTI's calibration of pictures of another size"));
+  EXPECT_THAT(read_calibration(write(raw), ImageSize{640, 480}).error().message,
+              HasSubstr("KITTI's calibration of images of another size"));
 }
 
 TEST_F(NeighboursCalibration, WhatIsNotReadIsNamed) {

@@ -52,16 +52,16 @@ class Settings {
   std::map<std::string, TextLine> lines_;
 };
 
-/// ORB-SLAM2 need not say its picture size: then it is the source's.
-Result<PictureSize> size_of(const File& file, const Settings& settings) {
+/// ORB-SLAM2 need not say its image size: then it is the source's.
+Result<ImageSize> size_of(const File& file, const Settings& settings) {
   if (settings.has("Camera.width") && settings.has("Camera.height")) {
     const auto sides = settings.numbers("Camera", {"width", "height"});
     if (!sides) return tl::unexpected(sides.error());
-    const PictureSize size{side_from_number((*sides)[0]), side_from_number((*sides)[1])};
+    const ImageSize size{side_from_number((*sides)[0]), side_from_number((*sides)[1])};
     if (size.width != 0 && size.height != 0) return size;
     return settings.error_at("Camera.width", "Camera.width and Camera.height must be positive whole numbers");
   }
-  if (file.picture_size) return *file.picture_size;
+  if (file.image_size) return *file.image_size;
   return wrong(
       file.path.string() +
       ": settings of ORB-SLAM without Camera.width and Camera.height, and the source does not tell its "

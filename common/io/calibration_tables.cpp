@@ -41,7 +41,7 @@ bool is_colmap_row(const Fields& fields) {
 }
 
 /// COLMAP's pixel (0,0) is the corner of the first pixel.
-Result<CameraParameters> from_colmap(const ColmapModel& model, PictureSize size, std::span<const double> v) {
+Result<CameraParameters> from_colmap(const ColmapModel& model, ImageSize size, std::span<const double> v) {
   constexpr double kCornerToCentre = 0.5;
   CameraParameters linear{CameraModel::kPinholeRadtan, size.width, size.height, {}};
   std::vector<double> coefficients;
@@ -78,7 +78,7 @@ Result<CameraParameters> parse_colmap_row(const Fields& fields) {
     return wrong("expected width, height and " + std::to_string(model->parameters.size()) +
                  " numbers after " + std::string(model->name));
   }
-  const PictureSize size{side_from_number((*numbers)[0]), side_from_number((*numbers)[1])};
+  const ImageSize size{side_from_number((*numbers)[0]), side_from_number((*numbers)[1])};
   if (size.width == 0 || size.height == 0) return wrong("width and height must be positive whole numbers");
   return from_colmap(*model, size, std::span(*numbers).subspan(2));
 }
@@ -151,13 +151,13 @@ Result<CameraParameters> parse_dso(const File& file) {
     return wrong(
         at_line(file.path, lines[0].number, "expected numbers, as in calibrations of LSD-SLAM and DSO"));
   const auto sides = numbers_in(split_fields(lines[1].text));
-  const PictureSize size =
-      sides ? PictureSize{side_from_number((*sides)[0]), side_from_number((*sides)[1])} : PictureSize{};
+  const ImageSize size =
+      sides ? ImageSize{side_from_number((*sides)[0]), side_from_number((*sides)[1])} : ImageSize{};
   if (size.width == 0 || size.height == 0) {
     return wrong(at_line(file.path, lines[1].number,
                          "expected width and height, as in calibrations of LSD-SLAM and DSO"));
   }
-  // As DSO tells them apart: a principal point within 1 counts in picture sides.
+  // As DSO tells them apart: a principal point within 1 counts in image sides.
   const bool counts_in_sides = (*v)[2] < 1 && (*v)[3] < 1;
   auto linear = counts_in_sides
                     ? in_pixels(size, *v)

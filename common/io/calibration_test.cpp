@@ -203,18 +203,18 @@ distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]
                                         0.00019359, 1.76187114e-05, 0));
 }
 
-TEST_F(Calibration, PtamCountsInPictureSides) {
+TEST_F(Calibration, PtamCountsInImageSides) {
   for (const char* text : {"Camera.Parameters=[ 0.738 1.0112 0.4996 0.51 0.1794 ]\n",
                            "// GVars\nCamera.Parameters = [0.738 1.0112 0.4996 0.51 0.1794];\n",
                            "0.738 1.0112 0.4996 0.51 0.1794\n"}) {
-    const auto read = read_calibration(write(text), PictureSize{640, 480});
+    const auto read = read_calibration(write(text), ImageSize{640, 480});
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_EQ(read->model, CameraModel::kFov);
     EXPECT_EQ(read->width, 640);
     EXPECT_EQ(read->height, 480);
     EXPECT_THAT(read->values,
                 ElementsAre(0.738 * 640, 1.0112 * 480, 0.4996 * 640 - 0.5, 0.51 * 480 - 0.5, 0.1794));
-    expect_error(text, "count in picture sizes, and the source does not tell its size");
+    expect_error(text, "count in image sizes, and the source does not tell its size");
   }
 }
 
@@ -270,10 +270,10 @@ TEST_F(Calibration, OneLineErrorsNameTheLine) {
 TEST_F(Calibration, WhatNoCameraCanBeIsRefused) {
   expect_error("640 480 502,3 501,7 321,4 238,2\n", "decimal point");
   expect_error("640 480 502.3 70 320 240\n", "far from each other");
-  expect_error("640 480 5 5 320 240\n", "focal lengths 5 and 5 px for a picture of 640x480");
+  expect_error("640 480 5 5 320 240\n", "focal lengths 5 and 5 px for an image of 640x480");
   expect_error("640 480 525 525 9999 240\n", "principal point 9999, 240 lies outside");
   expect_error("640 480 525 525 320 -1\n", "principal point");
-  expect_error("640 480 500 500 320 240 -18 0 0 0\n", "folds the picture over");
+  expect_error("640 480 500 500 320 240 -18 0 0 0\n", "folds the image over");
   for (const char* content : {"640 480 160 160 10 470 -0.3 0.05 0 0\n", "640 480 12000 3000 320 240\n",
                               "640, 480, 525.0, 525.5, 319.5, 239.5\n"}) {
     const auto odd = read_calibration(write(content));

@@ -49,22 +49,21 @@ Result<std::vector<double>> numbers_of(const File& file, const TextLine& line) {
   return numbers;
 }
 
-/// PTAM's five numbers, told from pixels by their size: no lens has a focal length of 20 picture sides.
-bool counts_in_picture_sides(const std::vector<double>& v) {
+/// PTAM's five numbers, told from pixels by their size: no lens has a focal length of 20 image sides.
+bool counts_in_image_sides(const std::vector<double>& v) {
   constexpr double kMaxSides = 20;
   return v.size() == kPtamValues &&
          std::all_of(v.begin(), v.end(), [](double x) { return std::abs(x) < kMaxSides; });
 }
 
 Result<CameraParameters> from_ptam(const File& file, const std::vector<double>& v) {
-  if (!file.picture_size) {
-    return wrong(
-        file.path.string() +
-        ": five numbers as in PTAM's camera.cfg count in picture sizes, and the source does not tell "
-        "its size; write the calibration as one line `width height fx fy cx cy [k1 k2 p1 p2]` or as "
-        "Kalibr yaml");
+  if (!file.image_size) {
+    return wrong(file.path.string() +
+                 ": five numbers as in PTAM's camera.cfg count in image sizes, and the source does not tell "
+                 "its size; write the calibration as one line `width height fx fy cx cy [k1 k2 p1 p2]` or as "
+                 "Kalibr yaml");
   }
-  auto parameters = in_pixels(*file.picture_size, v);
+  auto parameters = in_pixels(*file.image_size, v);
   parameters.model = CameraModel::kFov;
   parameters.values.push_back(v[4]);
   return parameters;
@@ -85,11 +84,11 @@ Result<CameraParameters> parse_text(const File& file) {
   const size_t number = line.number;
   const auto numbers = numbers_of(file, line);
   if (!numbers) return tl::unexpected(numbers.error());
-  if (counts_in_picture_sides(*numbers)) return from_ptam(file, *numbers);
+  if (counts_in_image_sides(*numbers)) return from_ptam(file, *numbers);
   if (numbers->size() != 6 && numbers->size() != 10 && numbers->size() != 11) {
     return wrong(at_line(file.path, number,
                          std::to_string(numbers->size()) +
-                             " numbers, not 6, 10 or 11 (PTAM's five are in picture sizes, not pixels); " +
+                             " numbers, not 6, 10 or 11 (PTAM's five are in image sizes, not pixels); " +
                              std::string(kFormats)));
   }
   CameraParameters parameters;

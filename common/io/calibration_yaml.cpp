@@ -55,8 +55,8 @@ Result<Distortion> opencv_distortion(const Keys& keys) {
                                                "' is not read; calibrate with plumb_bob or equidistant");
 }
 
-/// A camera_info describes the whole sensor; of pictures that are binned or cut out of it other numbers hold.
-Status check_whole_picture(const Keys& keys) {
+/// A camera_info describes the whole sensor; of images that are binned or cut out of it other numbers hold.
+Status check_whole_image(const Keys& keys) {
   const auto roi = keys.below("roi");
   const auto is_above = [](const Keys& in, const char* key, double limit) {
     return in.has(key) && in.number(key).value_or(0) > limit;
@@ -65,8 +65,8 @@ Status check_whole_picture(const Keys& keys) {
   const bool cut = is_above(roi, "x_offset", 0) || is_above(roi, "y_offset", 0);
   if (!binned && !cut) return {};
   return keys.error_at(binned ? "binning_x" : "roi",
-                       "the calibration is that of the whole sensor, and its pictures are binned or cut out; "
-                       "calibrate with such pictures: `cairn-track calibrate`");
+                       "the calibration is that of the whole sensor, and its images are binned or cut out; "
+                       "calibrate with such images: `cairn-track calibrate`");
 }
 
 /// Calibrations of others that are told by a key and not read.
@@ -75,7 +75,7 @@ struct Foreign {
   const char* what;
 };
 constexpr std::array kForeign = {
-    Foreign{"M1", "OpenCV's stereo calibration, which has no picture size"},
+    Foreign{"M1", "OpenCV's stereo calibration, which has no image size"},
     Foreign{"cameras", "the cameras of OKVIS or SVO"},
     Foreign{"value0", "Basalt's calibration"},
 };
@@ -95,7 +95,7 @@ Result<CameraParameters> parse_opencv(const Keys& keys) {
   if (!keys.has(names.matrix) && !keys.has(names.width)) return not_read(keys);
   const auto distortion = opencv_distortion(keys);
   if (!distortion) return tl::unexpected(distortion.error());
-  if (const Status whole = check_whole_picture(keys); !whole) return tl::unexpected(whole.error());
+  if (const Status whole = check_whole_image(keys); !whole) return tl::unexpected(whole.error());
   const auto width = keys.side(names.width);
   if (!width) return tl::unexpected(width.error());
   const auto height = keys.side(names.height);

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// What becomes 0 and 255 of pictures with more than 8 bits; what is below or above, too.
+/// What becomes 0 and 255 of images with more than 8 bits; what is below or above, too.
 struct GrayLevels {
   int black = 0;
   int white = 65535;
@@ -29,7 +29,7 @@ struct DeepImage {
 
 /// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey, row by row as it is kept: an orientation tag is ignored.
 /// Error kDamaged (without a file name) for anything that is not a whole image of at most kMaxImageSide. Of
-/// pictures with more than 8 bits the upper 8 are taken, or what `levels` makes of them. Thread-safe.
+/// images with more than 8 bits the upper 8 are taken, or what `levels` makes of them. Thread-safe.
 [[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes,
                                                   const std::optional<GrayLevels>& levels = {});
 /// As decode_gray_image(), with all bits.

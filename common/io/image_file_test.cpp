@@ -117,7 +117,7 @@ TEST(ImageHeader, AForgedSizeIsRefusedBeforeMemoryIsTaken) {
 
 /// What the header says and what a decoder would make must be one: else a few bytes take the machine's
 /// memory.
-TEST(ImageHeader, AGigapixelDoesNotHideBehindASmallPicture) {
+TEST(ImageHeader, AGigapixelDoesNotHideBehindASmallImage) {
   const auto words = [](const Bytes& bytes) {
     const auto decoded = decode_gray_image(bytes);
     return decoded ? "decoded" : decoded.error().message;

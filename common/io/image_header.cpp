@@ -74,7 +74,7 @@ bool is_start_of_frame(uint8_t marker) {
 /// their length. A decoder takes the size of the first frame, so that a second one is none of this world; and
 /// each scan, which may have a few bytes only, costs it a walk over all pixels.
 Result<ImageHeader> read_jpeg(Bytes bytes) {
-  constexpr int kMostScans = 100;  // progressive pictures have some ten
+  constexpr int kMostScans = 100;  // progressive images have some ten
   constexpr uint8_t kStartOfScan = 0xDA;
   constexpr uint8_t kEndOfImage = 0xD9;
   std::optional<ImageHeader> header;

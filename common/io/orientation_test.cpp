@@ -28,7 +28,7 @@ cv::Mat slope() {
 
 GrayImage read(const Bytes& bytes) {
   const TestDirectory directory;
-  const auto path = directory.path() / "picture";
+  const auto path = directory.path() / "image";
   std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
   auto image = read_gray_image(path);
   EXPECT_TRUE(image) << image.error().message;
@@ -79,7 +79,7 @@ TEST(Orientation, ChunksOfPngToo) {
   expect_equal(read(png), turned);
 }
 
-TEST(Orientation, IsOfFilesOnlyNotOfPicturesFromPeers) {
+TEST(Orientation, IsOfFilesOnlyNotOfImagesFromPeers) {
   const auto image = decode_gray_image(jpeg_held(slope(), 6));
   ASSERT_TRUE(image);
   EXPECT_EQ(image->width(), slope().cols);

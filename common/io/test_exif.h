@@ -5,7 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
-/// Pictures as phones write them.
+/// Images as phones write them.
 namespace cairn {
 
 /// The TIFF structure of an Exif that has the orientation, behind another entry.

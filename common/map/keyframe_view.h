@@ -15,14 +15,14 @@
 
 namespace cairn {
 
-/// A keyframe with its picture and what was measured in it, as handed from the map maker to who reads maps.
+/// A keyframe with its image and what was measured in it, as handed from the map maker to who reads maps.
 /// Immutable parts are shared; cheap to copy but for the measurements.
 struct KeyframeView {
   KeyframeId id;
   CameraPtr camera;
   std::shared_ptr<const Pyramid> pyramid;      ///< null: has been let go
   std::vector<PointMeasurement> measurements;  ///< ascending by point
-  /// FAST-10 corners of `pyramid` by level, as a question about the picture wants them
+  /// FAST-10 corners of `pyramid` by level, as a question about the image wants them
   /// (common/image/place.h); null where nobody has looked for them.
   std::shared_ptr<const std::array<CornerList, kPyramidLevels>> corners = {};
   std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known

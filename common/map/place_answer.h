@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What came of the question where a picture was taken.
+/// What came of the question where an image was taken.
 enum class PlaceVerdict : uint8_t {
   kConfirmed = 0,    ///< geometry agrees; the tracker's proof is still to come
   kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
@@ -28,7 +28,7 @@ enum class PlaceVerdict : uint8_t {
                                                  : "not known";
 }
 
-/// A keyframe near which the picture may have been taken. The pose is relative to it, so it survives
+/// A keyframe near which the image may have been taken. The pose is relative to it, so it survives
 /// adjustments on the way.
 struct PlaceCandidate {
   MapId map;
@@ -39,7 +39,7 @@ struct PlaceCandidate {
   float score = 0;           ///< of the tiny images; the method's own unit (relocalizer.h)
   int matches = 0;           ///< corners that look like points of the keyframe and agree on a pose
   int inliers = 0;           ///< points of the map around that pose which it explains
-  int expected = 0;          ///< points of the map around that pose which project into the picture
+  int expected = 0;          ///< points of the map around that pose which project into the image
   bool confirmed = false;
   std::string reason;  ///< for a person: why it is not confirmed
 };

@@ -437,7 +437,7 @@ TEST(Validation, AdminRequestAndReply) {
   reply.refuses("too much text", [](auto& m) { m.text.assign(kMaxAdminText + 1, 'x'); });
 }
 
-/// The largest of all: two pictures that do not pack at all.
+/// The largest of all: two images that do not pack at all.
 TEST(Sizes, TheLargestLegalMessageIsSentAndTaken) {
   MapSeed seed = RandomMessages(kSeed).make<MapSeed>();
   constexpr uint32_t kSide = kMaxImageSide;
@@ -464,32 +464,32 @@ TEST(Validation, WearersCameras) {
   const Spoiler<PictureRequest> request;
   request.refuses("nobody", [](auto& m) { m.name.clear(); });
   request.refuses("of every camera", [](auto& m) { m.camera = "*"; });
-  const Spoiler<CameraPicture> picture;
-  picture.refuses("no name", [](auto& m) { m.name = "Anna B."; });
-  picture.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
-  picture.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
-  picture.refuses("name too long", [](auto& m) { m.map.assign(129, 'x'); });
-  picture.refuses("control character", [](auto& m) { m.note = "a\nb"; });
-  picture.refuses("no JPEG", [](auto& m) {
-    m.picture = {ImageEncoding::kRaw, 2, 2, std::vector<uint8_t>(4)};
+  const Spoiler<CameraPicture> camera_image;
+  camera_image.refuses("no name", [](auto& m) { m.name = "Anna B."; });
+  camera_image.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
+  camera_image.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
+  camera_image.refuses("name too long", [](auto& m) { m.map.assign(129, 'x'); });
+  camera_image.refuses("control character", [](auto& m) { m.note = "a\nb"; });
+  camera_image.refuses("no JPEG", [](auto& m) {
+    m.image = {ImageEncoding::kRaw, 2, 2, std::vector<uint8_t>(4)};
   });
-  picture.refuses("empty", [](auto& m) { m.picture.bytes.clear(); });
-  picture.refuses("wide", [](auto& m) { m.picture.width = kMaxPictureSide + 1; });
-  picture.refuses("more than a datagram", [](auto& m) {
-    m.picture.width = m.picture.height = kMaxPictureSide;
-    m.picture.bytes.resize(kMaxPictureBytes + 1);
+  camera_image.refuses("empty", [](auto& m) { m.image.bytes.clear(); });
+  camera_image.refuses("wide", [](auto& m) { m.image.width = kMaxCameraPictureSide + 1; });
+  camera_image.refuses("more than a datagram", [](auto& m) {
+    m.image.width = m.image.height = kMaxCameraPictureSide;
+    m.image.bytes.resize(kMaxCameraPictureBytes + 1);
   });
 }
 
-TEST(Sizes, APictureIsOneDatagramOfTheLoopbackProfile) {
-  CameraPicture picture;
-  picture.name.assign(32, 'x');
-  picture.map.assign(internal::kMaxNameBytes, 'x');
-  picture.note.assign(kMaxPictureNote, 'x');
-  picture.picture = {ImageEncoding::kJpeg, kMaxPictureSide, kMaxPictureSide,
-                     std::vector<uint8_t>(kMaxPictureBytes)};
+TEST(Sizes, AnImageIsOneDatagramOfTheLoopbackProfile) {
+  CameraPicture message;
+  message.name.assign(32, 'x');
+  message.map.assign(internal::kMaxNameBytes, 'x');
+  message.note.assign(kMaxCameraPictureNote, 'x');
+  message.image = {ImageEncoding::kJpeg, kMaxCameraPictureSide, kMaxCameraPictureSide,
+                   std::vector<uint8_t>(kMaxCameraPictureBytes)};
   Scratch scratch;
-  EXPECT_LT(internal::payload_bytes<CameraPicture>(encode(picture, &scratch)), 64'000U);
+  EXPECT_LT(internal::payload_bytes<CameraPicture>(encode(message, &scratch)), 64'000U);
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

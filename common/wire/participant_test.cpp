@@ -87,19 +87,19 @@ TEST_F(WireTest, TheCamerasOfAWearerHearEachOtherAndNoOtherWearers) {
   const Participant hand = camera_of("ada");
   const Participant shoulder = camera_of("ada");
   const Participant other = camera_of("bob");
-  auto picture = random_.make<CameraPicture>();
-  picture.picture.bytes.resize(kMaxPictureBytes / 16, 7);
-  auto pictures = writer<CameraPicture>(shoulder, wearer_partition("ada"));
+  auto message = random_.make<CameraPicture>();
+  message.image.bytes.resize(kMaxCameraPictureBytes / 16, 7);
+  auto sent = writer<CameraPicture>(shoulder, wearer_partition("ada"));
   auto seen = reader<CameraPicture>(hand, wearer_partition("ada"));
   auto overheard = reader<CameraPicture>(other, "*");
   auto at_server = reader<CameraPicture>(server, "*");
-  ASSERT_TRUE(eventually([&] { return pictures.matched() == 1 && seen.matched() == 1; }));
-  ASSERT_TRUE(pictures.write(picture));
+  ASSERT_TRUE(eventually([&] { return sent.matched() == 1 && seen.matched() == 1; }));
+  ASSERT_TRUE(sent.write(message));
   const auto samples = collect(&seen, 1);
   ASSERT_EQ(samples.size(), 1U);
-  EXPECT_TRUE(testing::same(*samples[0].message, picture));
-  EXPECT_FALSE(eventually(
-      [&] { return pictures.matched() > 1 || overheard.matched() + at_server.matched() > 0; }, 1200ms));
+  EXPECT_TRUE(testing::same(*samples[0].message, message));
+  EXPECT_FALSE(eventually([&] { return sent.matched() > 1 || overheard.matched() + at_server.matched() > 0; },
+                          1200ms));
 }
 
 TEST_F(WireTest, EitherMayStartFirst) {

@@ -60,7 +60,7 @@ struct RigCommand {
   /// Fixate: the point as the camera saw it (x right, y down, z forward), in any unit that stays; 0: not
   /// seen. Search: the direction to begin with; 0: none. When the order is new.
   Eigen::Vector3d target = Eigen::Vector3d::Zero();
-  Timestamp seen;                  ///< fixate: when the picture was taken, by the host's clock
+  Timestamp seen;                  ///< fixate: when the image was taken, by the host's clock
   std::array<double, 2> angles{};  ///< saccade [rad]
   std::array<double, 2> rates{};   ///< jog [rad/s]
   RigSearchPattern pattern = RigSearchPattern::kSpiral;

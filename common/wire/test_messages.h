@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/wire/messages.h"
-#include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
+#include "common/wire/wearer_messages.h"
 
 /// Random but valid messages, and member-by-member comparison, for the tests of the wire.
 namespace cairn::wire::testing {
@@ -460,14 +460,14 @@ inline PictureRequest RandomMessages::make() {
 }
 template <>
 inline CameraPicture RandomMessages::make() {
-  ImageMessage picture = image(64, 48);
-  picture.encoding = ImageEncoding::kJpeg;
+  ImageMessage jpeg = image(64, 48);
+  jpeg.encoding = ImageEncoding::kJpeg;
   return {"camera-" + std::to_string(number(0, 99)),
           {static_cast<int64_t>(number(0, 1) << 61)},
           static_cast<TrackingState>(number(0, 4)),
           text(30),
           text(60),
-          std::move(picture)};
+          std::move(jpeg)};
 }
 
 }  // namespace cairn::wire::testing

@@ -136,7 +136,7 @@ TEST_F(WireTest, CommandsKeepTheirOrder) {
   constexpr uint64_t kOffers = 16;
   auto offer = random_.make<KeyframeOffer>();
   offer.image = random_.image(640, 480);
-  offer.candidates.clear();  // of the picture that was there
+  offer.candidates.clear();  // of the image that was there
   offer.still_mask.clear();
   for (uint64_t seq = 1; seq <= kOffers; ++seq) {
     offer.command.seq = seq;
@@ -286,7 +286,7 @@ TEST_F(WireTest, EverythingArrivesThroughHeavyLoss) {
   }
   auto offer = random_.make<KeyframeOffer>();
   offer.image = random_.image(320, 240);
-  offer.candidates.clear();  // of the picture that was there
+  offer.candidates.clear();  // of the image that was there
   offer.still_mask.clear();
   for (uint64_t seq = 1; seq <= kOffers; ++seq) {
     offer.command.seq = seq;

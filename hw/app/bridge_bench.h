@@ -83,7 +83,7 @@ class BridgeBench {
         },
         std::chrono::seconds(1)));
   }
-  /// With a picture of 30 ms ago.
+  /// With an image of 30 ms ago.
   void say(const wire::RigCommand& command) {
     bridge_.obey(command, now_, now_ - std::chrono::milliseconds(30));
   }

@@ -154,16 +154,16 @@ TEST_F(Bridge, WhereTheEncodersHaveTheCameraIsTold) {
   EXPECT_NEAR(std::asin(axis.z()), -5 * kDegree, 0.04);
 }
 
-/// A picture of the future tells nothing, unless its stamp is known to be late.
+/// An image of the future tells nothing, unless its stamp is known to be late.
 TEST_F(Bridge, TheOffsetOfTheCamerasClockIsToldAndCountsForWhatIsSeenFromThenOn) {
   ASSERT_NO_FATAL_FAILURE(begin());
   auto fixate = order_of(1, 3, RigMode::kFixate);
   bench_.order(fixate);
   bench_.said_again.reset();
-  int64_t picture = 0;
+  int64_t image = 0;
   const auto see = [&] {
     for (int i = 0; i < 10; ++i) {
-      fixate.seen = {++picture};
+      fixate.seen = {++image};
       fixate.target = {0, 0, 2};
       bench_.bridge().obey(fixate, bench_.now(), bench_.now() + 170ms);
       bench_.pass(20ms);

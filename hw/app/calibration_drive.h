@@ -16,7 +16,7 @@ namespace cairn {
 
 /// As a tour takes it. `mine`: the newest order of the tour; refusals of others' orders are none of its.
 [[nodiscard]] TourReport report_of(const wire::RigState& state, const wire::CommandId& mine, Timestamp when);
-/// `when`: of the picture, by the clock of the tour.
+/// `when`: of the image, by the clock of the tour.
 [[nodiscard]] TourPose pose_of(const wire::TrackerStateMessage& state, Timestamp when);
 
 /// A session that no other process has.

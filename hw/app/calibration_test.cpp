@@ -34,7 +34,7 @@ RigCalibration truth() {
   return truth;
 }
 
-/// The tracker of the rig's camera: 30 pictures a second, each with a pose 40 ms after it was taken.
+/// The tracker of the rig's camera: 30 images a second, each with a pose 40 ms after it was taken.
 class Tracker {
  public:
   bool speaks = true;

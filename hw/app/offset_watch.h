@@ -48,8 +48,8 @@ class OffsetWatch {
   std::mutex mutex_;                          ///< for what follows
   std::condition_variable changed_;
   ClockOffset sensed_;
-  bool has_news_ = false;             ///< pictures since the last estimate
-  std::optional<SessionId> tracker_;  ///< whose pictures they are
+  bool has_news_ = false;             ///< images since the last estimate
+  std::optional<SessionId> tracker_;  ///< whose images they are
   bool is_other_camera_ = false;      ///< since the last estimate
   bool ends_ = false;
   std::thread thread_;

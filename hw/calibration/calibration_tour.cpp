@@ -20,14 +20,14 @@ constexpr std::array<double, 5> kPans = {-20, -10, 0, 10, 20};  // [deg] about n
 constexpr std::array<double, 3> kTilts = {-12, 0, 12};
 constexpr double kSpare = 1 * kDegree;        // inside of the soft limits
 constexpr double kLeastRange = 12 * kDegree;  // that hand_eye.h asks for, and what an axis is off by
-constexpr double kSpeed = 15 * kDegree;       // [rad/s] between places: pictures stay sharp
+constexpr double kSpeed = 15 * kDegree;       // [rad/s] between places: images stay sharp
 constexpr double kPull = 2;                   // [1/s]
 constexpr double kNear = 0.7 * kDegree;
 constexpr double kNearEnough = 0.2 * kDegree;
 constexpr double kAtRest = 1.5 * kDegree;  // [rad/s]
 constexpr double kSettling = 0.4;          // [s]: longer than stamps may be apart (clock_offset.h)
-constexpr size_t kPictures = 15;           // of a place
-constexpr size_t kFewestPictures = 5;
+constexpr size_t kImages = 15;             // of a place
+constexpr size_t kFewestImages = 5;
 constexpr double kGlance = 4;  // [s] at most for them
 constexpr double kShake = 13;  // [s]
 constexpr double kShakeRate = 25 * kDegree;
@@ -296,19 +296,19 @@ Result<TourOrder> CalibrationTour::move(Timestamp now) {
 }
 
 Result<TourOrder> CalibrationTour::glance(Timestamp now) {
-  if (look_.poses.size() >= kPictures || in_step(now) > kGlance) end_glance(now);
+  if (look_.poses.size() >= kImages || in_step(now) > kGlance) end_glance(now);
   return TourOrder{TourOrder::What::kJog, {}};
 }
 
 void CalibrationTour::end_glance(Timestamp now) {
   const std::string where =
       fmt::format("place {} of {} ({})", next_ + 1, places_.size(), words_of(places_.at(next_)));
-  if (look_.poses.size() < kFewestPictures || look_.reports == 0) {
+  if (look_.poses.size() < kFewestImages || look_.reports == 0) {
     say(where + ": the tracker has no pose there; it is left out");
   } else {
     glances_.push_back(
         mean_of(look_.poses, {look_.angles.pan / look_.reports, look_.angles.tilt / look_.reports}));
-    say(fmt::format("{}: {} pictures", where, look_.poses.size()));
+    say(fmt::format("{}: {} images", where, look_.poses.size()));
   }
   next_place(now);
 }

@@ -29,7 +29,7 @@ struct TourReport {
 
 /// What the tracker of the rig's camera says.
 struct TourPose {
-  Timestamp when;  ///< of the picture
+  Timestamp when;  ///< of the image
   bool is_tracked = false;
   std::string map;  ///< poses in different ones say nothing of each other
   Eigen::Quaterniond map_from_camera = Eigen::Quaterniond::Identity();

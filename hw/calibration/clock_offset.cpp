@@ -16,10 +16,10 @@ namespace {
 constexpr double kWidest = 0.3;   // [s] that stamps may be apart
 constexpr double kCoarse = 0.01;  // [s] between tries: half a period of what a hand shakes is five of them
 constexpr double kFine = 0.002;
-constexpr double kLongestPicture = 0.2;  // [s] between two: over more the camera turned nobody knows how
-constexpr double kShortestPicture = 0.005;
+constexpr double kLongestImage = 0.2;  // [s] between two: over more the camera turned nobody knows how
+constexpr double kShortestImage = 0.005;
 constexpr double kLongestGap = 0.1;     // [s] between samples
-constexpr size_t kFewest = 60;          // pairs of pictures
+constexpr size_t kFewest = 60;          // pairs of images
 constexpr double kLeastTurning = 0.15;  // [rad/s], RMS
 constexpr double kLeastCorrelation = 0.7;
 constexpr double kOutlier = 5;  // times the median: a jump of the tracker
@@ -72,7 +72,7 @@ class Turning {
   std::vector<Gap> gaps_;
 };
 
-/// Two pictures and how the camera turned between them.
+/// Two images and how the camera turned between them.
 struct Step {
   double from;  ///< [s]
   double to;
@@ -84,7 +84,7 @@ std::vector<Step> steps_of(std::span<const CameraRotation> camera, const Turning
   for (size_t i = 1; i < camera.size(); ++i) {
     const Step step{turning.time_of(camera[i - 1].when), turning.time_of(camera[i].when), {}};
     const double time = step.to - step.from;
-    if (time < kShortestPicture || time > kLongestPicture) continue;
+    if (time < kShortestImage || time > kLongestImage) continue;
     if (!turning.covers(step.from - kWidest, step.to + kWidest)) continue;
     const Eigen::Quaterniond turn = camera[i - 1].map_from_camera.conjugate() * camera[i].map_from_camera;
     steps.push_back({step.from, step.to, so3_log(turn) / time});
@@ -167,10 +167,9 @@ Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
   const auto too_few = [](size_t count) {
     return fail(
         ErrorCode::kRefused,
-        fmt::format(
-            "{} pictures with a pose and the gyro's samples around them, of {} needed; go on for some "
-            "seconds while the camera is tracked",
-            count, kFewest));
+        fmt::format("{} images with a pose and the gyro's samples around them, of {} needed; go on for some "
+                    "seconds while the camera is tracked",
+                    count, kFewest));
   };
   if (gyro.size() < 2) return too_few(0);
   const Turning turning(gyro);

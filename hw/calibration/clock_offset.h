@@ -36,7 +36,7 @@ struct CameraAndGyro {
 };
 
 /// Shifts the one against the other until they agree. Stamps in ascending order; offsets up to 0.3 s are
-/// found. Errors: kRefused for too few pictures and for a camera that hardly turned; kConfiguration for two
+/// found. Errors: kRefused for too few images and for a camera that hardly turned; kConfiguration for two
 /// that do not turn alike. The message says what to do. Pure.
 [[nodiscard]] Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
                                                           std::span<const CameraRotation> camera);

@@ -122,8 +122,8 @@ TEST(ClockOffset, WhatTellsNothingIsRefusedWithARemedy) {
   std::normal_distribution<double> noise(0, 1);
   for (GyroSample& sample : strange) sample.rate = {noise(random), noise(random), noise(random)};
   EXPECT_THAT(refusal(strange, other.camera()), HasSubstr("do not turn alike"));
-  EXPECT_THAT(refusal({}, other.camera()), HasSubstr("0 pictures"));
-  EXPECT_THAT(refusal(other.gyro(), {}), HasSubstr("0 pictures"));
+  EXPECT_THAT(refusal({}, other.camera()), HasSubstr("0 images"));
+  EXPECT_THAT(refusal(other.gyro(), {}), HasSubstr("0 images"));
   Mount apart;
   apart.offset = 0.8;
   EXPECT_FALSE(align_camera_and_gyro(apart.gyro(), apart.camera()));

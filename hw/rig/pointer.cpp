@@ -17,8 +17,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kFollowing = 1.0;  // [s]: a sway of the wearer at 1 Hz is a sixth of itself
 constexpr double kOnTarget = 0.5 * kDegree;
 constexpr double kSettling = 0.05;        // [s] on the target until it is said
-constexpr double kGlance = 0.15;          // [s]: some pictures that are still
-constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its picture is as good
+constexpr double kGlance = 0.15;          // [s]: some images that are still
+constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its image is as good
 constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach,
                                           // from when the axes can be there
 constexpr double kSoonest = 1e-3;         // [s]

@@ -60,7 +60,7 @@ enum class PointingMode : uint8_t { kNeutral, kJog, kFollow, kLock, kFixate, kSa
 
 /// Where the point to fixate was, as a camera saw it.
 struct Sighting {
-  MonotonicTime when;      ///< when the picture was taken, by the camera's clock
+  MonotonicTime when;      ///< when the image was taken, by the camera's clock
   Eigen::Vector3d target;  ///< in the camera (x right, y down, z forward), [m]; of another unit, the wearer's
                            ///< steps are foretold worse
 };

@@ -244,7 +244,7 @@ TEST(SearchPlan, LooksEverywhereWithinReachOnceAndNowhereElse) {
       EXPECT_TRUE(reach(looked[i]));
       for (size_t j = 0; j < i; ++j) EXPECT_GT(angle_between(looked[i], looked[j]), 0.1);
     }
-    // Whatever is within reach was in the picture.
+    // Whatever is within reach was in the image.
     for (double pan = -0.99; pan < 1; pan += 0.1) {
       for (double tilt = -0.59; tilt < 0.6; tilt += 0.1) {
         const bool seen = std::any_of(looked.begin(), looked.end(), [&](const Vector3d& look) {

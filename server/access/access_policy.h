@@ -21,7 +21,7 @@ namespace cairn {
 enum class OperatorAct : uint8_t {
   kSee,       ///< lists and shows
   kChange,    ///< renames, freezes, deletes, undeletes and purges maps, changes labels
-  kTransfer,  ///< takes a map out as an archive or brings one in: pictures leave the server
+  kTransfer,  ///< takes a map out as an archive or brings one in: images leave the server
   kExamine,   ///< has all of the store read, which takes the server's disk for minutes
   kGovern,    ///< says who may do what
 };

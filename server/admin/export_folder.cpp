@@ -38,7 +38,7 @@ bool is_exported_ply(const fs::path& file) {
 
 const Part kText{"sparse-text", write_colmap_text, [](const fs::path& f) { return is_of_model(f, ".txt"); }};
 const Part kBinary{"sparse", write_colmap_binary, [](const fs::path& f) { return is_of_model(f, ".bin"); }};
-const Part kPictures{"images", write_pictures, is_picture_name};
+const Part kImages{"images", write_images, is_exported_image_name};
 const Part kPly{"points.ply", write_ply, is_exported_ply};
 
 std::vector<Part> parts_of(const std::string& format, const fs::path& place) {
@@ -48,7 +48,7 @@ std::vector<Part> parts_of(const std::string& format, const fs::path& place) {
     std::error_code ignored;
     if (all || format == "colmap-text" || fs::exists(place / kText.name, ignored)) parts.push_back(kText);
     if (all || format == "colmap" || fs::exists(place / kBinary.name, ignored)) parts.push_back(kBinary);
-    parts.push_back(kPictures);
+    parts.push_back(kImages);
   }
   if (all || format == "ply") parts.push_back(kPly);
   return parts;

@@ -37,7 +37,7 @@ Status leave_file(const std::filesystem::path& finished, const std::filesystem::
 
 /// The scene in `format` (colmap, colmap-text, ply or all) under `place`, written in `staging` first. What an
 /// earlier export has left there is replaced; of COLMAP's two kinds of model also the one that was not asked
-/// for, since its pictures go. Errors: kRefused (something else lies in the way: nothing is touched), kIo.
+/// for, since its images go. Errors: kRefused (something else lies in the way: nothing is touched), kIo.
 Status leave_scene(const ExportedScene& scene, const std::string& format, const StagingFolder& staging,
                    const std::filesystem::path& place);
 

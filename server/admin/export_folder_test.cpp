@@ -28,22 +28,22 @@ std::string content_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// A map of so many pictures, all of one point.
-ExportedScene scene_of(uint32_t pictures) {
+/// A map of so many images, all of one point.
+ExportedScene scene_of(uint32_t images) {
   ExportedScene scene;
   scene.cameras[1] = {CameraModel::kPinholeRadtan, 8, 6, {8, 8, 4, 3}};
   ExportedPoint point;
   point.id = PointId{1};
   point.position = {0, 0, 2};
-  for (uint32_t id = 1; id <= pictures; ++id) {
-    ExportedPicture picture;
-    picture.id = id;
-    picture.camera = 1;
-    picture.file = "keyframe-00000" + std::to_string(id) + ".png";
-    picture.found.emplace_back(point.id, Eigen::Vector2d(4, 3));
-    picture.image = std::make_shared<const GrayImage>(8, 6);
+  for (uint32_t id = 1; id <= images; ++id) {
+    ExportedImage exported;
+    exported.id = id;
+    exported.camera = 1;
+    exported.file = "keyframe-00000" + std::to_string(id) + ".png";
+    exported.found.emplace_back(point.id, Eigen::Vector2d(4, 3));
+    exported.image = std::make_shared<const GrayImage>(8, 6);
     point.track.emplace_back(id, 0);
-    scene.pictures.push_back(std::move(picture));
+    scene.images.push_back(std::move(exported));
   }
   scene.points.push_back(point);
   return scene;
@@ -75,7 +75,7 @@ TEST_F(ExportFolder, ASecondExportLeavesNothingOfTheFirst) {
   EXPECT_EQ(files_in(folder_).size(), 2 + 3 + 3 + 1) << "and nothing hidden beside";
 }
 
-TEST_F(ExportFolder, WhatWasNotAskedForStaysUnlessItsPicturesGo) {
+TEST_F(ExportFolder, WhatWasNotAskedForStaysUnlessItsImagesGo) {
   ASSERT_TRUE(leave(scene_of(3), "all"));
   const std::string ply = content_of(place() / "points.ply");
   const std::string text = content_of(place() / "sparse-text/images.txt");

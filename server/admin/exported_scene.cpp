@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::string_view kPictureStem = "keyframe-";
+constexpr std::string_view kImageStem = "keyframe-";
 
 /// What a tracker measured alone, and no second keyframe shows yet, is left out: others triangulate.
 constexpr size_t kFewestViews = 2;
@@ -36,9 +36,9 @@ struct Parts {
   std::map<PointId, size_t> views;  ///< that show it
 };
 
-std::string picture_name(KeyframeId id) {
+std::string image_name(KeyframeId id) {
   char text[40];
-  std::snprintf(text, sizeof(text), "%s%06llu.png", kPictureStem.data(),
+  std::snprintf(text, sizeof(text), "%s%06llu.png", kImageStem.data(),
                 static_cast<unsigned long long>(id.value));
   return text;
 }
@@ -69,10 +69,10 @@ ExportedPoint make_point(PointId id, const Eigen::Vector3d& position, const Part
 
 }  // namespace
 
-bool is_picture_name(const std::filesystem::path& file) {
+bool is_exported_image_name(const std::filesystem::path& file) {
   const std::string stem = file.stem();
-  const std::string_view digits = std::string_view(stem).substr(std::min(kPictureStem.size(), stem.size()));
-  return file.extension() == ".png" && stem.starts_with(kPictureStem) && digits.size() >= 6 &&
+  const std::string_view digits = std::string_view(stem).substr(std::min(kImageStem.size(), stem.size()));
+  return file.extension() == ".png" && stem.starts_with(kImageStem) && digits.size() >= 6 &&
          digits.find_first_not_of("0123456789") == std::string_view::npos;
 }
 
@@ -90,25 +90,25 @@ ExportedScene make_scene(const MapRecord& record) {
     }
   }
   for (const auto& [id, keyframe] : parts.keyframes) {
-    ExportedPicture picture;
-    picture.id = static_cast<uint32_t>(id.value);
-    picture.camera = camera_number(keyframe->camera->parameters(), &scene.cameras);
-    picture.file = picture_name(id);
-    picture.camera_from_map = keyframe->camera_from_map;
+    ExportedImage exported;
+    exported.id = static_cast<uint32_t>(id.value);
+    exported.camera = camera_number(keyframe->camera->parameters(), &scene.cameras);
+    exported.file = image_name(id);
+    exported.camera_from_map = keyframe->camera_from_map;
     const auto image = parts.images.find(id);
-    if (image != parts.images.end()) picture.image = image->second;
+    if (image != parts.images.end()) exported.image = image->second;
     const auto measured = parts.measurements.find(id);
     if (measured == parts.measurements.end()) continue;
     for (const Measurement& m : measured->second->measurements) {
       const auto point = points.find(m.point);
       if (point == points.end()) continue;
-      const auto place = static_cast<uint32_t>(picture.found.size());
-      picture.found.emplace_back(m.point, m.pixel.cast<double>());
+      const auto place = static_cast<uint32_t>(exported.found.size());
+      exported.found.emplace_back(m.point, m.pixel.cast<double>());
       const auto pixel = keyframe->camera->project(keyframe->camera_from_map * point->second.position);
       if (pixel) point->second.error += (*pixel - m.pixel.cast<double>()).norm();
-      point->second.track.emplace_back(picture.id, place);
+      point->second.track.emplace_back(exported.id, place);
     }
-    scene.pictures.push_back(std::move(picture));
+    scene.images.push_back(std::move(exported));
   }
   for (auto& [id, point] : points) {
     if (point.track.size() < kFewestViews) continue;

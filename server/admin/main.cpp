@@ -302,7 +302,7 @@ Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const
 /// is whole and nothing hidden.
 Status export_maps(AdminClient* client, const Options& options) {
   if (options.rgb && (options.format == "archive" || options.format == "ply"))
-    return fail(ErrorCode::kUsage, "--rgb is of pictures, which --format " + options.format + " has not");
+    return fail(ErrorCode::kUsage, "--rgb is of images, which --format " + options.format + " has not");
   const Interruption interruption;
   client->stop_when(Interruption::requested);
   std::vector<std::string> maps = options.maps;
@@ -432,7 +432,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
       ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
       ->capture_default_str();
   out->add_flag("--rgb", options->rgb,
-                "pictures of three equal channels, for programs that insist on RGB (the map's are grey)");
+                "images of three equal channels, for programs that insist on RGB (the map's are grey)");
   out->footer(kExportFooter);
   out->callback([action] { *action = export_maps; });
   CLI::App* in = maps->add_subcommand("import", "archives into the server");

@@ -13,7 +13,7 @@
 #include "common/base/utf8.h"
 #include "common/io/json_text.h"
 #include "server/admin/listing.h"
-#include "server/admin/proposal_picture.h"
+#include "server/admin/proposal_image.h"
 
 namespace cairn {
 namespace {
@@ -104,15 +104,15 @@ Status list(AdminClient* client, const Words& words, bool as_json) {
   return {};
 }
 
-/// The picture as the server keeps it, piece by piece.
-Result<std::vector<uint8_t>> ask_for_picture(AdminClient* client, const std::string& id) {
-  std::vector<uint8_t> picture;
+/// The image as the server keeps it, piece by piece.
+Result<std::vector<uint8_t>> ask_for_image(AdminClient* client, const std::string& id) {
+  std::vector<uint8_t> image;
   while (true) {
     const auto piece =
-        client->ask({{"verb", "proposal-picture"}, {"proposal", id}, {"offset", picture.size()}});
+        client->ask({{"verb", "proposal-picture"}, {"proposal", id}, {"offset", image.size()}});
     if (!piece) return tl::unexpected(piece.error());
-    picture.insert(picture.end(), piece->data.begin(), piece->data.end());
-    if (piece->data.empty() || picture.size() >= count_of(piece->content, "bytes")) return picture;
+    image.insert(image.end(), piece->data.begin(), piece->data.end());
+    if (piece->data.empty() || image.size() >= count_of(piece->content, "bytes")) return image;
   }
 }
 
@@ -140,11 +140,11 @@ Status write_new_file(const std::filesystem::path& path, const std::vector<uint8
   return fail(ErrorCode::kIo, name + ": cannot be written; see to the folder, its owner and free space");
 }
 
-Status save_picture(AdminClient* client, const std::string& id, const json& shown, const std::string& file) {
-  const auto picture = ask_for_picture(client, id);
-  if (!picture) return tl::unexpected(picture.error());
-  const auto drawn = with_points(*picture, points_of(shown));
-  if (!drawn) return fail(drawn.error().code, "the picture of " + id + ": " + drawn.error().message);
+Status save_image(AdminClient* client, const std::string& id, const json& shown, const std::string& file) {
+  const auto image = ask_for_image(client, id);
+  if (!image) return tl::unexpected(image.error());
+  const auto drawn = with_points(*image, points_of(shown));
+  if (!drawn) return fail(drawn.error().code, "the image of " + id + ": " + drawn.error().message);
   return write_new_file(file, *drawn);
 }
 
@@ -153,7 +153,7 @@ Status show(AdminClient* client, const Words& words, bool as_json) {
   if (!answer) return tl::unexpected(answer.error());
   const json& shown = answer->content;
   if (!words.file.empty()) {
-    if (Status saved = save_picture(client, words.id, shown, words.file); !saved) return saved;
+    if (Status saved = save_image(client, words.id, shown, words.file); !saved) return saved;
   }
   if (as_json) {
     std::printf("%s\n", json_text(shown, 2).c_str());
@@ -224,7 +224,7 @@ Status drop(AdminClient* client, const Words& words, bool as_json) {
   if (!words.yes && !ids->empty()) {
     const auto yes =
         confirmed("Drop " + std::to_string(ids->size()) + (ids->size() == 1 ? " proposal" : " proposals") +
-                  "? Their pictures are gone then.");
+                  "? Their images are gone then.");
     if (!yes) return tl::unexpected(yes.error());
     if (!*yes) return fail(ErrorCode::kRefused, "nothing was done");
   }
@@ -293,7 +293,7 @@ void describe_proposals(CLI::App* app, AccessAction* action) {
   shown->add_option("ID", words->id, "as listed")->required()->check(fault_of_word);
   shown
       ->add_option("--save", words->file,
-                   "its picture, with the points of the map that are found in it and those that are missing")
+                   "its image, with the points of the map that are found in it and those that are missing")
       ->type_name("FILE.png");
   shown->callback(to_run(show, words, action));
   CLI::App* accepted = proposals->add_subcommand(

@@ -115,7 +115,7 @@ std::string cameras_text(const ExportedScene& scene) {
 std::string images_text(const ExportedScene& scene) {
   std::ostringstream out = exact_text();
   out << "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n";
-  for (const ExportedPicture& p : scene.pictures) {
+  for (const ExportedImage& p : scene.images) {
     const Eigen::Quaterniond& q = p.camera_from_map.rotation();
     const Eigen::Vector3d& t = p.camera_from_map.translation();
     out << p.id << ' ' << q.w() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << t.x() << ' '
@@ -137,7 +137,7 @@ std::string points_text(const ExportedScene& scene) {
     const int grey = p.grey;
     out << p.id.value << ' ' << p.position.x() << ' ' << p.position.y() << ' ' << p.position.z() << ' '
         << grey << ' ' << grey << ' ' << grey << ' ' << p.error;
-    for (const auto& [picture, place] : p.track) out << ' ' << picture << ' ' << place;
+    for (const auto& [image, place] : p.track) out << ' ' << image << ' ' << place;
     out << '\n';
   }
   return out.str();
@@ -159,8 +159,8 @@ Blob cameras_binary(const ExportedScene& scene) {
 
 Blob images_binary(const ExportedScene& scene) {
   ByteWriter out;
-  out.put(uint64_t{scene.pictures.size()});
-  for (const ExportedPicture& p : scene.pictures) {
+  out.put(uint64_t{scene.images.size()});
+  for (const ExportedImage& p : scene.images) {
     const Eigen::Quaterniond& q = p.camera_from_map.rotation();
     out.put(p.id);
     out.put(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
@@ -187,8 +187,8 @@ Blob points_binary(const ExportedScene& scene) {
     for (int channel = 0; channel < 3; ++channel) out.put(p.grey);
     out.put(p.error);
     out.put(uint64_t{p.track.size()});
-    for (const auto& [picture, place] : p.track) {
-      out.put(picture);
+    for (const auto& [image, place] : p.track) {
+      out.put(image);
       out.put(place);
     }
   }
@@ -211,9 +211,9 @@ Status write_colmap_binary(const ExportedScene& scene, const fs::path& folder) {
   return done;
 }
 
-Status write_pictures(const ExportedScene& scene, const fs::path& folder) {
+Status write_images(const ExportedScene& scene, const fs::path& folder) {
   if (Status made = make_folder(folder); !made) return made;
-  for (const ExportedPicture& p : scene.pictures) {
+  for (const ExportedImage& p : scene.images) {
     if (p.image == nullptr) continue;
     const Blob png = scene.rgb ? encode_rgb(*p.image) : encode_image_row(*p.image);
     if (Status done = write_file(folder / p.file, png); !done) return done;

@@ -51,18 +51,18 @@ TEST(SceneFiles, ACameraWithoutDistortionIsAPinhole) {
   EXPECT_EQ(model_of({8, 9, 4, 3, 0.5, 0, 0, 0}), 4);
 }
 
-TEST(SceneFiles, PicturesAreGreyOrOnDemandOfThreeEqualChannels) {
+TEST(SceneFiles, ImagesAreGreyOrOnDemandOfThreeEqualChannels) {
   auto image = std::make_shared<GrayImage>(8, 6);
   for (int y = 0; y < 6; ++y) {
     for (int x = 0; x < 8; ++x) image->row(y)[x] = static_cast<uint8_t>(20 * y + x);
   }
   ExportedScene scene;
-  scene.pictures.emplace_back().file = "keyframe-000001.png";
-  scene.pictures.back().image = image;
+  scene.images.emplace_back().file = "keyframe-000001.png";
+  scene.images.back().image = image;
   for (const bool rgb : {false, true}) {
     scene.rgb = rgb;
     const TestDirectory directory;
-    ASSERT_TRUE(write_pictures(scene, directory.path()));
+    ASSERT_TRUE(write_images(scene, directory.path()));
     const cv::Mat read =
         cv::imread((directory.path() / "keyframe-000001.png").string(), cv::IMREAD_UNCHANGED);
     ASSERT_EQ(read.size(), cv::Size(8, 6));

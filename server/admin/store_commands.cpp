@@ -272,7 +272,7 @@ void describe_store(CLI::App* app, AccessAction* action, LocalAction* local) {
   CLI::App* out = app->add_subcommand(
       "backup",
       "all maps, deleted ones too, with labels, tags, rights and audit log into one file, while the "
-      "server runs. It holds pictures: its owner only may read it");
+      "server runs. It holds images: its owner only may read it");
   out->add_option("FILE", words->file, "that is not there yet; `tar tf` lists it")->required();
   out->footer(kFooter);
   out->callback([action, words] {
@@ -290,7 +290,7 @@ void describe_store(CLI::App* app, AccessAction* action, LocalAction* local) {
   });
   CLI::App* check = app->add_subcommand(
       "verify",
-      "reads every row and every picture of the server's store and says what is damaged and what to "
+      "reads every row and every image of the server's store and says what is damaged and what to "
       "do; exit code 6 if anything is");
   CLI::Option* data =
       check->add_option("--data", words->data, "a store here instead, with or without its server")

@@ -59,7 +59,7 @@ constexpr OptionRow kOptions[] = {
     {"adjuster", "own|ceres", "solver of bundle adjustment; ceres is the slow, independent check [own]",
      true},
     {"relocalizer", "improved|paper",
-     "how a lost camera is found: paper is the method of 2008, for comparison, which takes the picture most "
+     "how a lost camera is found: paper is the method of 2008, for comparison, which takes the image most "
      "alike for the place, wherever that is [improved]",
      true},
     {"max-maps", "N", "maps at most [1000]", true},
@@ -76,7 +76,7 @@ constexpr OptionRow kOptions[] = {
      true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
     {"rest-after", "SECONDS",
-     "with --store, pictures of a map that nobody has worked on for so long are let go until somebody does; "
+     "with --store, images of a map that nobody has worked on for so long are let go until somebody does; "
      "0: never [60]",
      true},
     {"drop-after", "SECONDS",

@@ -7,9 +7,9 @@
 #include "common/base/utc.h"
 #include "common/wire/discovered.h"
 #include "common/wire/partition.h"
-#include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
 #include "common/wire/topic.h"
+#include "common/wire/wearer_messages.h"
 
 namespace cairn {
 namespace {

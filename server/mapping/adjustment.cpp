@@ -89,7 +89,7 @@ std::vector<bool> choose_free(const MapState& map) {
 
 void free_cameras(const MapState& map, MapProblem* problem) {
   constexpr size_t kFewestForDistortion = 6;
-  constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of a picture of 60 degrees
+  constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of an image of 60 degrees
   const std::vector<bool> is_free = choose_free(map);
   std::vector<int> free_index;
   for (size_t i = 0; i < map.cameras().size(); ++i) {

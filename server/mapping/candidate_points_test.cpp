@@ -21,7 +21,7 @@ using ::testing::Lt;
 using testing::make_offer;
 using testing::Scene;
 
-constexpr int kStep = 9;  // of the scene: its picture has an edge that no keyframe has seen
+constexpr int kStep = 9;  // of the scene: its image has an edge that no keyframe has seen
 constexpr int kLevel = 1;
 constexpr KeyframeId kNewKeyframe{3};
 

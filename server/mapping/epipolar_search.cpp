@@ -21,7 +21,7 @@ constexpr double kMaxSquaredResidual = 1.0;  ///< of a new point in its two view
 constexpr float kUniqueDistance = 3.0F;      ///< [level px] a rival is a corner farther away than this
 constexpr float kUniqueRatio = 0.7F;         ///< best ZMSSD over the best rival's
 
-/// Where a whole pixel is; a line may end far outside of the picture.
+/// Where a whole pixel is; a line may end far outside of the image.
 int whole(float pixel) {
   constexpr float kFar = 1e6F;
   return static_cast<int>(std::clamp(pixel, -kFar, kFar));

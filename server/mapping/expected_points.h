@@ -5,11 +5,11 @@
 
 #include "server/mapping/map_state.h"
 
-/// What of a published map a picture shows: for who has no map maker at hand, or must not wait for it. Pure,
+/// What of a published map an image shows: for who has no map maker at hand, or must not wait for it. Pure,
 /// on any thread.
 namespace cairn {
 
-/// A point of the map that should be seen in a picture.
+/// A point of the map that should be seen in an image.
 struct ExpectedPoint {
   PointId id;
   bool found = false;
@@ -18,7 +18,7 @@ struct ExpectedPoint {
   double depth = 0;             ///< along the optical axis [map unit]
 };
 
-/// The live points of `map` that project into the picture at a scale and from a side at which their patches
+/// The live points of `map` that project into the image at a scale and from a side at which their patches
 /// look alike, and whether they are there, within a few pixels. `most`: of more, a choice that is spread over
 /// them all, the same on every call. Those in front of what stands still are left out.
 [[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,

@@ -159,7 +159,7 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
 /// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
 /// being calibrated. What the image shows is one.
 std::string not_of_this_map(size_t shown, size_t measured) {
-  return "its picture shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
+  return "its image shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
          " points of the map that were measured in it, " + std::to_string(kMinMeasurements) +
          " needed: it was measured in another map, or in another state of this one";
 }

@@ -21,7 +21,7 @@ constexpr size_t kFewestOfBelieved =
     20;                                ///< where the sigma was small to begin with and tells nothing of them
 constexpr size_t kManyKeyframes = 40;  ///< what these have not told, more of the same will not
 constexpr size_t kManyMore = 4;        ///< one to so many of these: worth another look
-constexpr double kFeltMove = 0.02;     ///< of the focal length: some px where the picture ends
+constexpr double kFeltMove = 0.02;     ///< of the focal length: some px where the image ends
 
 /// Whether its sigma was small to begin with.
 bool was_believed(const MapCamera& camera) {

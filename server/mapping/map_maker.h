@@ -211,8 +211,8 @@ class MapMaker {
   /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
-  /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer. Those whose
-  /// images have been let go come without a picture; their measurements are what they were then.
+  /// Live keyframes with their images and measurements, ascending by id: for the relocalizer. Those whose
+  /// images have been let go come without an image; their measurements are what they were then.
   [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
   /// The next snapshot has this name.

@@ -24,7 +24,7 @@ inline const auto kNeverYield = [] { return false; };
 /// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
 /// should be.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step);
-/// The same of a picture that has been rendered already.
+/// The same of an image that has been rendered already.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step,
                                        GrayImagePtr image);
 

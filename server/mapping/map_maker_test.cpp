@@ -231,7 +231,7 @@ TEST_F(MapMakerTest, AFrameOfWhichNothingAgreesWithTheMapIsRefusedWhateverItsPos
   KeyframeInput other_points = good;  // the pose is true all the same
   for (size_t i = 0; i < good.measurements.size(); ++i)
     other_points.measurements[i].id = good.measurements[(i + 7) % good.measurements.size()].id;
-  KeyframeInput other_place = good;  // pose and measurements fit together, and not to the picture
+  KeyframeInput other_place = good;  // pose and measurements fit together, and not to the image
   other_place.image = testing::Scene(12).render(testing::Scene::pose(5), 5);
   KeyframeInput other_points_and_pose = other_points;
   other_points_and_pose.camera_from_reference =

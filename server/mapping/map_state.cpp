@@ -45,7 +45,7 @@ size_t expected_image_bytes(const Camera& camera) {
   return static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height()) * 5 / 3;
 }
 
-// Weaker than the 2008 limits (barrier 10, 70): in a compressed, slightly blurred picture those leave a thin
+// Weaker than the 2008 limits (barrier 10, 70): in a compressed, slightly blurred image those leave a thin
 // map, and alignment tells a weak patch from a useless one.
 constexpr int kCandidateBarrier = 6;
 constexpr int kCandidateBorder = 14;  // [px]

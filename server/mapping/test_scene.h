@@ -18,7 +18,7 @@ namespace cairn::testing {
 class Scene {
  public:
   explicit Scene(uint64_t seed);
-  /// Another board before the same back: one with a picture on the left `share` of it, plain elsewhere.
+  /// Another board before the same back: one with an image on the left `share` of it, plain elsewhere.
   Scene(uint64_t seed, uint64_t board_seed, double share);
 
   /// The same as seen by another camera.

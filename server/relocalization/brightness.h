@@ -12,13 +12,13 @@ namespace cairn {
 /// What a small image shows at a pixel.
 struct Brightness {
   /// How much brighter it is than the 40 px around it, in units of the contrast there: indifferent to what
-  /// changes slowly across the picture and to gain, and nearly to any curve of grey levels, which is straight
+  /// changes slowly across the image and to gain, and nearly to any curve of grey levels, which is straight
   /// over so few of them.
   float local = 0;
   uint8_t grey = 0;  ///< level: how bright it is
 };
 
-/// `level0`: pixel of the full picture; `small`: its pyramid level 3. Nothing outside of it, and where all of
+/// `level0`: pixel of the full image; `small`: its pyramid level 3. Nothing outside of it, and where all of
 /// the 40 px around it is clipped to white or black: what is there does not show.
 [[nodiscard]] std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0);
 

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// One scale of a picture, to describe corners of it: a pyramid level, or half an octave coarser than one.
+/// One scale of an image, to describe corners of it: a pyramid level, or half an octave coarser than one.
 /// It is smoothed as a whole for many corners, around each for a few: the descriptors are the same. Not for
 /// several threads at once.
 class DescribedScale {

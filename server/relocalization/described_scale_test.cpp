@@ -20,7 +20,7 @@ GrayImage noise(int width, int height, std::mt19937_64* random) {
   return test::render(width, height, [&](int, int) { return static_cast<double>(grey(*random)); });
 }
 
-/// All over the picture, and beyond its borders; the other is narrower than what is smoothed around a corner.
+/// All over the image, and beyond its borders; the other is narrower than what is smoothed around a corner.
 TEST(DescribedScale, AFewAreDescribedAsManyAre) {
   std::mt19937_64 random(kSeed);
   for (const auto& [width, height, is_half] :

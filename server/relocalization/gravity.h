@@ -9,7 +9,7 @@
 #include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
 
-/// What gravity says of where a camera can be: a picture that fits a place only with the camera held
+/// What gravity says of where a camera can be: an image that fits a place only with the camera held
 /// otherwise than it was held is of another place.
 namespace cairn {
 

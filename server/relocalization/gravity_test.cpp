@@ -92,7 +92,7 @@ TEST(IsUpright, WhatChanceAllowsIsAllowedAndNoMore) {
   EXPECT_TRUE(is_upright(pose, in_map, std::nullopt));
 }
 
-/// A place that fits the picture is the answer where the camera was held as it says, and is neither that nor
+/// A place that fits the image is the answer where the camera was held as it says, and is neither that nor
 /// a rival where it was not.
 TEST(RelocalizerWithGravity, APlaceInWhichTheCameraIsHeldOtherwiseIsNoCandidate) {
   const Scene scene(11);

@@ -41,7 +41,7 @@ struct Sighting {
 
 /// The points of a keyframe as they look at one exposure.
 struct DescribedPoints {
-  float white = 0;  ///< share of the picture that is clipped
+  float white = 0;  ///< share of the image that is clipped
   /// By the descriptor's cell, then scale, then `measured`. Each point stands at two scales.
   std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
@@ -59,19 +59,19 @@ struct IndexedKeyframe {
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   DescribedPoints as_taken;
-  /// As with kOverexposure; nothing: less than a hundredth more of the picture would be white. In white
-  /// nothing is left of a corner and what is next to it looks otherwise, which no descriptor of the picture
+  /// As with kOverexposure; nothing: less than a hundredth more of the image would be white. In white
+  /// nothing is left of a corner and what is next to it looks otherwise, which no descriptor of the image
   /// as it was taken foretells.
   std::optional<DescribedPoints> overexposed;
   std::vector<WordId> words;  ///< of the descriptors of `as_taken`, ascending, each once
 
-  /// The points as they look in a picture of which a share is white.
+  /// The points as they look in an image of which a share is white.
   [[nodiscard]] const DescribedPoints& exposed_as(float white) const;
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 
 /// Describes what `previous` (null: none), the keyframe as it was indexed before, has not measured at the
-/// same pixel; the rest is taken from there, unless its picture was another. A few milliseconds without
+/// same pixel; the rest is taken from there, unless its image was another. A few milliseconds without
 /// `previous`.
 [[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view,
                                                 const IndexedKeyframe* previous = nullptr);

@@ -101,7 +101,7 @@ GrayImage make_image(Random* random) {
   return image;
 }
 
-std::vector<Descriptor> describe_pictures() {
+std::vector<Descriptor> describe_images() {
   Random random(2008);
   std::vector<Descriptor> descriptors;
   for (int i = 0; i < kImages; ++i) {
@@ -162,7 +162,7 @@ void print(const char* name, std::span<const Descriptor> descriptors) {
 }
 
 void make() {
-  const std::vector<Descriptor> all = describe_pictures();
+  const std::vector<Descriptor> all = describe_images();
   Random random(2007);
   const std::vector<Descriptor> cells = cluster(all, kVocabularyCells, &random);
   std::vector<Descriptor> words;

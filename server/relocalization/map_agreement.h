@@ -8,11 +8,11 @@
 
 #include "common/geometry/se3.h"
 
-/// Whether pictures that are known in two maps say the same of how these lie to each other. Maps have each a
+/// Whether images that are known in two maps say the same of how these lie to each other. Maps have each a
 /// frame and a unit of length of their own, so that is a similarity. Pure.
 namespace cairn {
 
-/// A picture and where it was taken, in the frames of two maps.
+/// An image and where it was taken, in the frames of two maps.
 struct SharedView {
   SE3 camera_from_one;
   SE3 camera_from_other;
@@ -29,7 +29,7 @@ struct MapAgreement {
 /// least error.
 [[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views);
 
-/// Poses of one picture in one map that are farther apart contradict each other; the same pose from two
+/// Poses of one image in one map that are farther apart contradict each other; the same pose from two
 /// keyframes is off by a third of that, which leaves room for what two maps of a place differ in and for the
 /// scale of a short base. An angle alone counts as much [rad].
 constexpr double kSamePose = 0.15;

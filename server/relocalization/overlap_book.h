@@ -10,7 +10,7 @@
 #include "server/relocalization/map_agreement.h"
 #include "server/relocalization/relocalizer.h"
 
-/// Maps that show the same place, detected from keyframes of the one whose pictures are confirmed in the
+/// Maps that show the same place, detected from keyframes of the one whose images are confirmed in the
 /// other. Pure.
 namespace cairn {
 
@@ -31,7 +31,7 @@ struct Overlap {
   size_t of_other = 0;
 };
 
-/// Where a picture was taken in each map of the index that has its place: the best confirmed candidate of
+/// Where an image was taken in each map of the index that has its place: the best confirmed candidate of
 /// each, of a handful of maps at most. As long as a question for each map that has it, and one more.
 [[nodiscard]] std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& camera,
                                                            const PlaceView& view,

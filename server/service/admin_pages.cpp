@@ -124,7 +124,7 @@ json describe(const ExpectedPoint& point) {
 
 json describe(const told::WholeProposal& whole) {
   json told = describe(whole.proposal);
-  told["picture_bytes"] = whole.picture_bytes;
+  told["picture_bytes"] = whole.image_bytes;
   told["measured"] = whole.measured;
   if (!whole.expected_now) {
     told["problem"] = whole.expected_now.error().message;

@@ -41,7 +41,7 @@ json describe(const told::Untagged& untagged) {
   return {{"tag", untagged.tag}};
 }
 
-json describe(const told::PicturePiece& piece) {
+json describe(const told::ImagePiece& piece) {
   return {{"bytes", piece.bytes}};
 }
 
@@ -72,7 +72,7 @@ wire::AdminReply reply_of(const OperatorAnswer& answer) {
   if (answer) {
     reply.text = json_ascii(content_of(*answer));
     if (const auto* piece = std::get_if<told::Piece>(&*answer)) reply.data = piece->data;
-    if (const auto* piece = std::get_if<told::PicturePiece>(&*answer)) reply.data = piece->data;
+    if (const auto* piece = std::get_if<told::ImagePiece>(&*answer)) reply.data = piece->data;
     return reply;
   }
   // Whatever else it is to us, to the operator it is the server's no; a disk that takes nothing is none.

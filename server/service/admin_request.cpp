@@ -99,7 +99,7 @@ constexpr std::array kOfServer{
               [](const json& r) -> What { return asked::ShowProposal{text_in(r, "proposal")}; }},
     AdminVerb{"proposal-picture", kTransfer,
               [](const json& r) -> What {
-                return asked::ProposalPicture{text_in(r, "proposal"), number_in(r, "offset")};
+                return asked::ProposalImage{text_in(r, "proposal"), number_in(r, "offset")};
               },
               true},
     AdminVerb{"proposal-accept", kChange,

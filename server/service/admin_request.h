@@ -144,7 +144,7 @@ struct Proposals {
 struct ShowProposal {
   std::string proposal;
 };
-struct ProposalPicture {
+struct ProposalImage {
   std::string proposal;
   uint64_t offset = 0;
 };
@@ -219,7 +219,7 @@ struct AskedOfServer {
                asked::Maps, asked::Rights, asked::ExplainRights, asked::ChangeRights, asked::Audit,
                asked::Undelete, asked::Purge, asked::Import, asked::ImportBegin, asked::ImportWrite,
                asked::ExportRead, asked::Backup, asked::BackupPart, asked::Verify, asked::VerifyPart,
-               asked::Proposals, asked::ShowProposal, asked::ProposalPicture, asked::AcceptProposal,
+               asked::Proposals, asked::ShowProposal, asked::ProposalImage, asked::AcceptProposal,
                asked::DropProposal, asked::OfMap>
       what;
 

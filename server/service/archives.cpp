@@ -71,7 +71,7 @@ void Archives::import_map(const asked::Import& ask, const AdminAnswer& answer) {
     const auto path = transfers_->find(token, context_.now());
     if (!path) return refuse(path.error());
     if (!full.empty()) return refuse({ErrorCode::kRefused, full});
-    // What is not pictures is about as large in memory; those are packed in there.
+    // What is not images is about as large in memory; those are packed in there.
     std::error_code problem;
     const uintmax_t bytes = std::filesystem::file_size(*path, problem);
     if (problem) return refuse({ErrorCode::kIo, path->string() + ": cannot be read: " + problem.message()});

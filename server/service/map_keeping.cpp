@@ -96,7 +96,7 @@ void MapRunner::save_soon() {
 void MapRunner::save() {
   save_scheduled_ = false;
   if (store_ == nullptr || stopping_ || frozen_ || maker_ == nullptr) return;
-  if (!store_->trouble().empty()) return save_soon();  // all pictures would be packed for nothing
+  if (!store_->trouble().empty()) return save_soon();  // all images would be packed for nothing
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
   store_->write(published_->map, std::move(update),
@@ -122,7 +122,7 @@ void MapRunner::save_last_changes() {
 /// An update that is empty waits for those before it, one of which may fail.
 void MapRunner::hand_over(const Kept& then) {
   if (store_ == nullptr || stopping_ || frozen_ || maker_ == nullptr) return then({});
-  if (std::string why = store_->trouble(); !why.empty()) {  // all pictures would be packed for nothing
+  if (std::string why = store_->trouble(); !why.empty()) {  // all images would be packed for nothing
     save_soon();
     return then(fail(ErrorCode::kIo, std::move(why)));
   }

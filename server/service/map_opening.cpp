@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 /// Of a map maker without images: for the index.
-std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::vector<ImageRecord>& images) {
+std::vector<KeyframeView> views_with_images(const MapMaker& maker, const std::vector<ImageRecord>& images) {
   std::vector<KeyframeView> views = maker.keyframe_views();
   for (KeyframeView& view : views) {
     const auto image = std::find_if(images.begin(), images.end(),
@@ -76,7 +76,7 @@ MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, c
     loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
     MapMaker& maker = *made->maker;
     IndexedMapPtr indexed =
-        index_map(nullptr, maker.snapshot(), views_with_pictures(maker, stored->record.images));
+        index_map(nullptr, maker.snapshot(), views_with_images(maker, stored->record.images));
     if (images == RestoredImages::kStay || !loaded.damage.empty() || maker.has_work()) {
       for (const ImageRecord& r : stored->record.images)
         (void)maker.give_image_back(r.keyframe, r.image->view());

@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-constexpr const char* kUnreadable = "its pictures cannot be read back: ";
+constexpr const char* kUnreadable = "its images cannot be read back: ";
 
 /// Whether it is no use to read again: the file is broken, or has been taken away. A disk may answer again,
 /// and memory be free.
@@ -77,7 +77,7 @@ void MapRunner::end_reading(const Continuations& waiting) {
 
 bool MapRunner::try_later(const Continuations& waiting, const std::string& why) {
   const auto delay = MapPersistence::delay_after(reads_failed_++);
-  log_->warn("the pictures of the map {} cannot be read back, tried again in {} s: {}", published_->name,
+  log_->warn("the images of the map {} cannot be read back, tried again in {} s: {}", published_->name,
              delay.count(), why);
   store_->later(
       [self = shared_from_this(), waiting] {

@@ -91,7 +91,7 @@ TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
   ASSERT_TRUE(has_place(awake.verdict)) << awake.reason;
   map->rest();
   ASSERT_TRUE(answer_to<Status>([&](auto done) { map->runner().rename("bench", done); }));
-  report();  // a revision without pictures
+  report();  // a revision without images
   const auto expect_found = [&] {
     const PlaceAnswer at_rest = ask();
     ASSERT_TRUE(has_place(at_rest.verdict)) << at_rest.reason;

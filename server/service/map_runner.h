@@ -136,7 +136,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// Nothing has taken its place: it goes on.
   void go_on_after_all();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
-  /// pictures the place index has; else nothing happens. With a store only. Does not wait.
+  /// images the place index has; else nothing happens. With a store only. Does not wait.
   void rest(std::pair<Epoch, Revision> indexed);
   /// `done` gets them of the map as it is.
   void measure(std::function<void(const MapMeasures&)> done);

@@ -199,7 +199,7 @@ TEST_P(LostImageTest, FreezesTheMapAsItWasPublished) {
     EXPECT_EQ(judged.decision, wire::OfferDecision::kDamaged);
     EXPECT_EQ(judged.revision, before->revision);
   }
-  EXPECT_THAT(map->frozen(), HasSubstr("pictures cannot be read back"));
+  EXPECT_THAT(map->frozen(), HasSubstr("images cannot be read back"));
   EXPECT_THAT(map->frozen(), HasSubstr(GetParam().said));
   EXPECT_EQ(map->newest().snapshot, before);
 }

@@ -195,12 +195,12 @@ struct Proposals {
 };
 struct WholeProposal {
   ProposalSeen proposal;
-  size_t picture_bytes = 0;
+  size_t image_bytes = 0;
   size_t measured = 0;
   Result<std::vector<ExpectedPoint>> expected_now;
 };
-struct PicturePiece {
-  size_t bytes = 0;  ///< of the whole picture
+struct ImagePiece {
+  size_t bytes = 0;  ///< of the whole image
   std::vector<uint8_t> data;
 };
 struct AcceptedProposal {
@@ -234,7 +234,7 @@ struct Audit {
 
 using Answer = std::variant<Nothing, Done, Server, Rigs, Clients, Map, BusyMap, WholeMap, Maps, DeletedMap,
                             GoneMap, Copy, Archive, Piece, Parts, GonePart, FileCheck, MapTag, Tags, Untagged,
-                            Contributors, LabelSeen, Labels, Proposals, WholeProposal, PicturePiece,
+                            Contributors, LabelSeen, Labels, Proposals, WholeProposal, ImagePiece,
                             AcceptedProposal, DroppedProposal, Rights, ExplainedRights, Audit>;
 
 }  // namespace told

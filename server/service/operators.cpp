@@ -130,7 +130,7 @@ void Operators::pass_on(const Principal& who, const AskedOfServer& asks, const s
         of_proposals(ask);
       },
       [&](const asked::ShowProposal& ask) { of_proposals(ask); },
-      [&](const asked::ProposalPicture& ask) { of_proposals(ask); },
+      [&](const asked::ProposalImage& ask) { of_proposals(ask); },
       [&](const asked::AcceptProposal& ask) { of_proposals(ask); },
       [&](const asked::DropProposal& ask) { of_proposals(ask); },
       [&](const asked::OfMap& ask) { pass_on(who, asks.verb, ask, answer); }};

@@ -10,9 +10,9 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMostWaiting = 8;  ///< of a map: their pictures are held meanwhile, 0.4 MB each
+constexpr size_t kMostWaiting = 8;  ///< of a map: their images are held meanwhile, 0.4 MB each
 
-/// Whatever method trackers are answered by: one that confirms nothing finds a place in any picture.
+/// Whatever method trackers are answered by: one that confirms nothing finds a place in any image.
 RelocOptions confirming(RelocOptions options) {
   options.method = RelocMethod::kImproved;
   return options;

@@ -30,7 +30,7 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   OverlapWatch(Executor& lane, const RelocOptions& options, IndexSource index, Listener listener, Logger log,
                WorkTimes* times = nullptr);
 
-  /// A map is searched as it is here. The keyframes that are new since the last time, and come with a picture
+  /// A map is searched as it is here. The keyframes that are new since the last time, and come with an image
   /// and its corners, are asked about. Does not wait, nor does remove().
   void note_searched(const IndexedMapPtr& map, std::span<const KeyframeView> views);
   void remove(const MapId& map);

@@ -25,7 +25,7 @@ KeyframeView keyframe(uint64_t id) {
           std::make_shared<const Corners>()};
 }
 
-KeyframeView without_picture(uint64_t id) {
+KeyframeView without_image(uint64_t id) {
   KeyframeView view = keyframe(id);
   view.pyramid = nullptr;
   return view;
@@ -40,9 +40,9 @@ IndexedMapPtr map_of(uint8_t id, const std::vector<KeyframeView>& views) {
   auto snapshot = std::make_shared<MapSnapshot>();
   snapshot->map = MapId{{id}};
   snapshot->keyframe_blocks = {block};
-  std::vector<KeyframeView> with_pictures;
-  for (const KeyframeView& view : views) with_pictures.push_back(keyframe(view.id.value));
-  return index_map(nullptr, snapshot, with_pictures);
+  std::vector<KeyframeView> with_images;
+  for (const KeyframeView& view : views) with_images.push_back(keyframe(view.id.value));
+  return index_map(nullptr, snapshot, with_images);
 }
 
 class OverlapWatchTest : public ::testing::Test {
@@ -76,7 +76,7 @@ class OverlapWatchTest : public ::testing::Test {
   WorkerPool lane_{1, 0, null_logger()};
   std::shared_ptr<OverlapWatch> watch_ = std::make_shared<OverlapWatch>(
       lane_, RelocOptions(), [this] { return std::make_shared<const PlaceIndex>(index_); },
-      [](const Overlap&) { FAIL() << "grey pictures"; }, null_logger(), &times_);
+      [](const Overlap&) { FAIL() << "grey images"; }, null_logger(), &times_);
 };
 
 TEST_F(OverlapWatchTest, EachNewKeyframeIsAskedAboutOnce) {
@@ -103,7 +103,7 @@ TEST_F(OverlapWatchTest, OfAMapThatGrowsFasterEightKeyframesWait) {
 }
 
 TEST_F(OverlapWatchTest, WhatTheStoreBroughtIsNotAskedAboutAgain) {
-  search(1, {without_picture(1), without_picture(2)});
+  search(1, {without_image(1), without_image(2)});
   search(1, {keyframe(1), keyframe(2)});  // it is awake
   EXPECT_EQ(asked(), 0);
   search(1, {keyframe(1), keyframe(2), keyframe(3)});

@@ -44,7 +44,7 @@ void PlaceDesk::catch_up() {
     try {
       adopt(map, reported);
     } catch (const std::exception& problem) {
-      // Memory. Of a map at rest nothing else brings its pictures again.
+      // Memory. Of a map at rest nothing else brings its images again.
       log_->error("map {}: not searched as it is now: {}; tried again with the next change",
                   reported.snapshot ? reported.snapshot->name : to_hex(map.bytes), problem.what());
       const std::scoped_lock lock(mutex_);
@@ -89,7 +89,7 @@ void PlaceDesk::plant() {
   try {
     forest = plant_forest(*index(), options_.most_scanned);
   } catch (const std::exception& problem) {  // memory: the scan goes on, and the next change tries again
-    log_->error("no forest of the pictures: {}", problem.what());
+    log_->error("no forest of the images: {}", problem.what());
   }
   // Not here: what waits for the index must not wait for a thread that stands back for all others.
   lanes_.indexers.submit([self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });

@@ -17,7 +17,7 @@
 
 namespace cairn {
 
-/// A question where a picture was taken, from the wire.
+/// A question where an image was taken, from the wire.
 struct PlaceQuery {
   CameraPtr camera;
   PlaceView view;
@@ -27,7 +27,7 @@ struct PlaceQuery {
 
 /// The relocalizer at work: keeps the index over all maps and answers questions, each on workers of its own
 /// lane and never on a map's queue: who is lost waits neither for map work nor for an index in the making.
-/// Queries read an immutable index; a new one is made beside them, and where it has many pictures a forest of
+/// Queries read an immutable index; a new one is made beside them, and where it has many images a forest of
 /// them on the background lane: until that is done, what it will have is scanned. Thread-safe; tasks keep it
 /// alive.
 class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
@@ -52,7 +52,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void listen(Listener listener) { listener_ = std::move(listener); }
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
-  /// without a picture are of keyframes that are indexed, in `indexed` (what was indexed of the map
+  /// without an image are of keyframes that are indexed, in `indexed` (what was indexed of the map
   /// elsewhere) or here, and stay as they are there; others are left out. `offered`: when the keyframes came
   /// that are new in it.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {},

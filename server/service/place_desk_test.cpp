@@ -48,7 +48,7 @@ PlaceQuery query_of(const KeyframeView& keyframe, bool lockstep) {
 class PlaceDeskTest : public ::testing::Test {
  protected:
   PlaceDeskTest() {
-    options_.method = RelocMethod::kPaper;  // answers by pictures alone
+    options_.method = RelocMethod::kPaper;  // answers by images alone
     open_desk();
   }
   void open_desk() {
@@ -99,27 +99,27 @@ TEST_F(PlaceDeskTest, ALockstepQuestionIsAnsweredWithAllThatWasReported) {
   }
 }
 
-TEST_F(PlaceDeskTest, APictureThatWasLetGoIsFoundAsItWasIndexed) {
-  const auto without_picture = [](KeyframeView view) {
+TEST_F(PlaceDeskTest, AnImageThatWasLetGoIsFoundAsItWasIndexed) {
+  const auto without_image = [](KeyframeView view) {
     view.pyramid = nullptr;
     return view;
   };
   const KeyframeView first = flat_keyframe(1, 3);
   const KeyframeView second = flat_keyframe(2, 7);
-  desk_->report(snapshot_with(1, 2), {first, without_picture(second)});
+  desk_->report(snapshot_with(1, 2), {first, without_image(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{1}) << "never seen: left out";
-  desk_->report(snapshot_with(1, 2), {without_picture(first), second});
+  desk_->report(snapshot_with(1, 2), {without_image(first), second});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
-  desk_->report(snapshot_with(1, 2), {without_picture(first), without_picture(second)});
+  desk_->report(snapshot_with(1, 2), {without_image(first), without_image(second)});
   EXPECT_EQ(ask(first).candidates.front().keyframe, KeyframeId{1});
-  KeyframeView measured_anew = without_picture(second);
+  KeyframeView measured_anew = without_image(second);
   measured_anew.measurements.push_back({PointId{1}, 0, {10, 10}});
-  desk_->report(snapshot_with(1, 2), {without_picture(first), measured_anew});
+  desk_->report(snapshot_with(1, 2), {without_image(first), measured_anew});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
   const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second});
   desk_->remove(snapshot_with(1, 2)->map);
-  desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)}, indexed);
-  desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)});
+  desk_->report(indexed->snapshot, {without_image(first), without_image(second)}, indexed);
+  desk_->report(indexed->snapshot, {without_image(first), without_image(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
 }
 

@@ -30,7 +30,7 @@ OfferJob accepted_job(uint64_t number, const CameraPtr& camera, KeptProposal kep
   job.input.still = still_mask_of(width, height, record.still_mask);
   job.epoch = record.summary.epoch;
   job.image = {wire::ImageEncoding::kJpeg, static_cast<uint32_t>(width), static_cast<uint32_t>(height),
-               std::move(kept.picture)};  // PNG is known, too
+               std::move(kept.image)};  // PNG is known, too
   return job;
 }
 
@@ -83,7 +83,7 @@ void ProposalAdministration::take(const asked::ShowProposal& ask, const AdminAns
     if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
     const ProposalSummary& summary = kept.record.summary;
     told::WholeProposal whole{{proposal_id(which.map, summary.number), which.map, entry->name, summary},
-                              kept.picture.size(),
+                              kept.image.size(),
                               kept.record.measurements.size(),
                               {}};
     context_.lanes.idle.submit([this, answer, whole = std::move(whole), kept = std::move(kept),
@@ -96,14 +96,14 @@ void ProposalAdministration::take(const asked::ShowProposal& ask, const AdminAns
   });
 }
 
-void ProposalAdministration::take(const asked::ProposalPicture& ask, const AdminAnswer& answer) {
+void ProposalAdministration::take(const asked::ProposalImage& ask, const AdminAnswer& answer) {
   const auto which = find(ask.proposal, answer);
   if (!which) return;
   read(*which, answer, [answer, offset = ask.offset](const KeptProposal& kept) {
-    const size_t from = std::min<size_t>(offset, kept.picture.size());
-    const size_t size = std::min(wire::kMaxAdminData, kept.picture.size() - from);
-    const auto begin = kept.picture.begin() + static_cast<std::ptrdiff_t>(from);
-    answer(told::PicturePiece{kept.picture.size(), {begin, begin + static_cast<std::ptrdiff_t>(size)}});
+    const size_t from = std::min<size_t>(offset, kept.image.size());
+    const size_t size = std::min(wire::kMaxAdminData, kept.image.size() - from);
+    const auto begin = kept.image.begin() + static_cast<std::ptrdiff_t>(from);
+    answer(told::ImagePiece{kept.image.size(), {begin, begin + static_cast<std::ptrdiff_t>(size)}});
   });
 }
 

@@ -25,7 +25,7 @@ class ProposalAdministration {
 
   void take(const asked::Proposals& ask, const AdminAnswer& answer);
   void take(const asked::ShowProposal& ask, const AdminAnswer& answer);
-  void take(const asked::ProposalPicture& ask, const AdminAnswer& answer);
+  void take(const asked::ProposalImage& ask, const AdminAnswer& answer);
   void take(const asked::AcceptProposal& ask, const AdminAnswer& answer);
   void take(const asked::DropProposal& ask, const AdminAnswer& answer);
 

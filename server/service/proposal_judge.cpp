@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMostPoints = 2000;  ///< looked for in a picture
+constexpr size_t kMostPoints = 2000;  ///< looked for in an image
 constexpr size_t kLeastFound = 20;    ///< as the map maker asks of a keyframe
 
 /// Where the frame was taken; nothing: what its pose is relative to has gone.
@@ -46,7 +46,7 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
     if (point.found) depths.push_back(point.depth);
   if (depths.size() < kLeastFound)
     return refuse(OfferDecision::kTooFewPoints,
-                  "its picture shows " + std::to_string(depths.size()) + " of the " +
+                  "its image shows " + std::to_string(depths.size()) + " of the " +
                       std::to_string(points.size()) + " points of the map that should be in it, " +
                       std::to_string(kLeastFound) + " needed: what it shows is not this map");
   ProposalJudgement judged;
@@ -66,8 +66,8 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
   record.candidates = offer.candidates;
   record.still_mask = bits_of(still);
   record.up = offer.up;
-  judged.kept.picture = encode_image_row(**image);
-  record.summary.bytes = judged.kept.picture.size() + encode_proposal(record).size();
+  judged.kept.image = encode_image_row(**image);
+  record.summary.bytes = judged.kept.image.size() + encode_proposal(record).size();
   return judged;
 }
 
@@ -83,9 +83,9 @@ Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map, std::span<c
                 "the keyframe that it was taken beside is in the map no more: it cannot be accepted");
   const auto camera = make_camera(record.camera);
   if (!camera) return tl::unexpected(camera.error());
-  const GrayImagePtr image = decode_image_row(proposal.picture);
+  const GrayImagePtr image = decode_image_row(proposal.image);
   if (image == nullptr || image->width() != (**camera).width() || image->height() != (**camera).height())
-    return fail(ErrorCode::kDamaged, "its picture is none");
+    return fail(ErrorCode::kDamaged, "its image is none");
   const StillMaskPtr still = still_mask_of(image->width(), image->height(), record.still_mask);
   return expected_points(map, **camera, *pose, *prepare_images(image->view(), still), still, kMostPoints);
 }

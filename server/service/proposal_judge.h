@@ -22,7 +22,7 @@ struct ProposalJudgement {
 [[nodiscard]] ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
                                                const wire::KeyframeOffer& offer);
 
-/// The points of the map as it is now in the picture of a proposal. `epochs`: of the map, by which it is
+/// The points of the map as it is now in the image of a proposal. `epochs`: of the map, by which it is
 /// known what ids of an earlier one mean now. Errors: kRefused (its place in the map has gone), kDamaged.
 [[nodiscard]] Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map,
                                                            std::span<const EpochRecord> epochs,

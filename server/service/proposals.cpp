@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMostInWork = 8;  ///< their pictures are in memory meanwhile
+constexpr size_t kMostInWork = 8;  ///< their images are in memory meanwhile
 constexpr std::chrono::milliseconds kUntilTriedAgain{200};
 
 /// For the store: sent again after a restart, the offer is answered so.

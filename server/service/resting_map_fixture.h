@@ -184,7 +184,7 @@ class KeptMap {
     const Status done = open_file().execute(sql);
     ASSERT_TRUE(done) << done.error().message;
   }
-  /// Makes the rows of all images so large, without another picture in them.
+  /// Makes the rows of all images so large, without another image in them.
   void inflate_images(size_t bytes) const {
     auto database = open_file();
     for (int64_t id = 1; id <= static_cast<int64_t>(newest().statistics.keyframes); ++id) {

@@ -18,7 +18,7 @@ namespace cairn {
 /// What counts for a lost camera while another of its wearer is tracked.
 enum class WearerPolicy : uint8_t {
   /// The other's map first. All maps when the place is not confirmed there in two questions, or when another
-  /// map explains clearly more of the picture: the cameras of one person may well look at different
+  /// map explains clearly more of the image: the cameras of one person may well look at different
   /// workcells.
   kFirst = 0,
   /// The other's map and no other: the paper's rule.

@@ -90,11 +90,11 @@ TEST_F(WearerRuleTest, OthersAndWhoIsNobodysAreNotNarrowed) {
   }
 }
 
-TEST_F(WearerRuleTest, AProofCountsForHalfASecondAndOnlyWithANewPicture) {
+TEST_F(WearerRuleTest, AProofCountsForHalfASecondAndOnlyWithANewImage) {
   wear();
   now_ += WearerRule::kFresh;
   EXPECT_THAT(first("hand"), ElementsAre(kDesk));
-  rule_.heard("shoulder", {"anna", kDesk, Timestamp{1}}, now_);  // the picture of half a second ago
+  rule_.heard("shoulder", {"anna", kDesk, Timestamp{1}}, now_);  // the image of half a second ago
   now_ += 1ms;
   EXPECT_THAT(first("hand"), IsEmpty()) << "its camera stands still, or is gone";
   see("shoulder", "anna", kDesk);

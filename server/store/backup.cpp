@@ -117,7 +117,7 @@ std::optional<BackupContent> parse(const std::string& text) {
   return content;
 }
 
-/// What is kept there are pictures and rights, whatever the umask of who unpacks it.
+/// What is kept there are images and rights, whatever the umask of who unpacks it.
 Status make_for_owner_and_group(const fs::path& path, std::ofstream* out) {
   std::error_code problem;
   const fs::path folder = path.parent_path();

@@ -10,7 +10,7 @@ namespace cairn {
 /// What is said of a client that has no keyframe in a map.
 [[nodiscard]] Error no_contribution(const std::string& client, const std::string& map_name);
 
-/// Takes a client's keyframes out of a map, for good: their pictures and measurements, the points that fewer
+/// Takes a client's keyframes out of a map, for good: their images and measurements, the points that fewer
 /// than two keyframes see then, the client's decisions and proposals, and the map's tags, which would bring
 /// all that back. What others proposed stays. The rest gets new ids, in a new epoch of which no earlier id is
 /// understood; `accept` is shown it first. Labels stay where they are. On return it is durable. Errors:

@@ -88,7 +88,7 @@ class DropContributor : public testing::KeptMapFixture {
     r.camera = input_.camera->parameters();
     for (const Measurement& m : seen->measurements)
       r.measurements.push_back({m.point, m.level, m.pixel.cast<float>()});
-    made.picture = encode_image_row(*scene_.render(testing::Scene::pose(8), 8));
+    made.image = encode_image_row(*scene_.render(testing::Scene::pose(8), 8));
     return made;
   }
   void expect_sound(size_t keyframes) {
@@ -192,7 +192,7 @@ TEST_F(DropContributor, AProposalThatCannotBeReadForNowIsNotLostAndADamagedOneIs
   EXPECT_THAT(contributors(), SizeIs(5));
   EXPECT_THAT(said.str(), Not(HasSubstr("is lost")));
 
-  ASSERT_TRUE(drop("bob")) << "now it is read, and is damaged: its checksum is of another picture";
+  ASSERT_TRUE(drop("bob")) << "now it is read, and is damaged: its checksum is of another image";
   EXPECT_THAT(store_->load(header_.id)->proposals, SizeIs(1));
   EXPECT_THAT(said.str(),
               HasSubstr("table proposal_pictures, row 2: the checksum is wrong; the proposal is lost"));

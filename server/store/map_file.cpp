@@ -456,7 +456,7 @@ Status MapFile::check_images(uint64_t most_bytes) {
   });
   if (!counted) return counted;
   if (bytes > most_bytes)
-    return fail(ErrorCode::kRefused, "its pictures take " +
+    return fail(ErrorCode::kRefused, "its images take " +
                                          std::to_string((bytes + kMegabyte - 1) / kMegabyte) +
                                          " MB in memory, and the server has room for " +
                                          std::to_string(most_bytes / kMegabyte) + " MB (--max-memory)");

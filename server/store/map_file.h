@@ -183,7 +183,7 @@ class MapFile {
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
   /// The rows of proposals that could not be read; their numbers are not given again. `read`: by load().
   Status forget_lost_proposals(const StoredMap& read);
-  /// What is wrong with their pictures.
+  /// What is wrong with their images.
   [[nodiscard]] std::vector<std::string> check_proposals();
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
   Status erase_proposals();

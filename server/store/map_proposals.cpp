@@ -59,7 +59,7 @@ Status MapFile::put_proposals(const MapUpdate& update) {
     const auto id = static_cast<int64_t>(p.record.summary.number);
     last = std::max(last, p.record.summary.number);
     if (done) done = put("proposals", id, encode_proposal(p.record));
-    if (done) done = put("proposal_pictures", id, p.picture);
+    if (done) done = put("proposal_pictures", id, p.image);
   }
   if (done && last > 0) {
     ByteWriter row;
@@ -108,9 +108,9 @@ std::vector<std::string> MapFile::check_proposals() {
   load_proposals(&map);
   for (const ProposalSummary& p : map.proposals) {
     const auto kept = read_proposal(p.number);
-    if (!kept || decode_image_row(kept->picture) == nullptr)
+    if (!kept || decode_image_row(kept->image) == nullptr)
       faults.push_back("table proposal_pictures, row " + std::to_string(p.number) +
-                       ": the picture is missing or damaged");
+                       ": the image is missing or damaged");
   }
   return faults;
 }
@@ -123,9 +123,9 @@ Result<KeptProposal> MapFile::read_proposal(uint64_t number) {
   if (!record)
     return fail(ErrorCode::kDamaged,
                 database_.path() + ": table proposals, row " + std::to_string(number) + " makes no sense");
-  auto picture = read_row("proposal_pictures", id);
-  if (!picture) return tl::unexpected(picture.error());
-  return KeptProposal{std::move(*record), std::move(*picture)};
+  auto image = read_row("proposal_pictures", id);
+  if (!image) return tl::unexpected(image.error());
+  return KeptProposal{std::move(*record), std::move(*image)};
 }
 
 Status MapFile::erase_proposals() {

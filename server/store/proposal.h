@@ -45,10 +45,10 @@ struct ProposalRecord {
   std::optional<UpDirection> up;
 };
 
-/// A proposal with its picture.
+/// A proposal with its image.
 struct KeptProposal {
   ProposalRecord record;
-  std::vector<uint8_t> picture;  ///< PNG, grey
+  std::vector<uint8_t> image;  ///< PNG, grey
 };
 
 }  // namespace cairn

@@ -25,7 +25,7 @@ void put_seen(const Seen& seen, ByteWriter* out) {
   out->put(seen.pixel);
 }
 
-/// Whether it can have been seen in a picture.
+/// Whether it can have been seen in an image.
 template <typename Seen>
 bool get_seen(ByteReader* in, Seen* seen) {
   seen->id.value = in->get<uint64_t>();

@@ -56,7 +56,7 @@ class ProposalsTest : public testing::KeptMapFixture {
     r.still_mask.assign(still_mask_bytes(r.camera.width, r.camera.height), 0);
     r.still_mask[0] = 5;
     r.up = UpDirection{Eigen::Vector3d(0, -1, 0), 0.02};
-    made.picture = {1, 2, 3, 4};
+    made.image = {1, 2, 3, 4};
     return made;
   }
   void keep(std::vector<KeptProposal> proposals, std::vector<uint64_t> removed = {}) {
@@ -94,7 +94,7 @@ TEST_F(ProposalsTest, WhatIsReadIsWhatWasKept) {
   keep({kept});
   const auto read = store_->read_proposal(header_.id, 7);
   ASSERT_TRUE(read) << read.error().message;
-  EXPECT_EQ(read->picture, kept.picture);
+  EXPECT_EQ(read->image, kept.image);
   EXPECT_EQ(encode_proposal(read->record), encode_proposal(kept.record));
   EXPECT_EQ(read->record.summary.client, "berta");
   EXPECT_EQ(read->record.summary.number, 7U);
@@ -128,9 +128,9 @@ TEST_F(ProposalsTest, TheyGoWithADeletedMapAndComeBackWithIt) {
 
 TEST_F(ProposalsTest, AnArchiveAndACopyHaveNone) {
   KeptProposal kept = proposal(1);
-  kept.picture.clear();
-  const std::string shown = "what the picture of a stranger shows";
-  for (int i = 0; i < 1000; ++i) kept.picture.insert(kept.picture.end(), shown.begin(), shown.end());
+  kept.image.clear();
+  const std::string shown = "what the image of a stranger shows";
+  for (int i = 0; i < 1000; ++i) kept.image.insert(kept.image.end(), shown.begin(), shown.end());
   keep({kept});
   const auto archive = folder_ / "desk.cairnmap";
   ASSERT_TRUE(store_->export_map(header_.id, archive));
@@ -180,7 +180,7 @@ TEST_F(ProposalsTest, ADamagedOneKeepsNothingFromWorkingAndGoesWithTheNextStart)
   EXPECT_THAT(check.lost_proposals,
               ElementsAre(HasSubstr("table proposals, row 0"), HasSubstr("table proposals, row 3"),
                           HasSubstr("table proposal_pictures, row 1"), HasSubstr("proposal_pictures, row 2")))
-      << "and the picture of 1 is none";
+      << "and the image of 1 is none";
   EXPECT_THAT(check.remedy, HasSubstr("the map is whole"));
   size_t shown = 0;
   const Status rolled_back = store_->roll_back(header_.id, "bare", {0, "", Timestamp{8}, "ann", 0, 0, 0, 0},
@@ -199,7 +199,7 @@ TEST_F(ProposalsTest, ADamagedOneKeepsNothingFromWorkingAndGoesWithTheNextStart)
   EXPECT_EQ(stored->last_proposal, 3U);
   EXPECT_THAT(numbers(), ElementsAre(1, 2));
   check = check_part(folder_ / "store", part, {});
-  EXPECT_THAT(check.lost_proposals, SizeIs(2)) << "the pictures: those can be dropped";
+  EXPECT_THAT(check.lost_proposals, SizeIs(2)) << "the images: those can be dropped";
   keep({}, {1, 2});
   check = check_part(folder_ / "store", part, {});
   EXPECT_THAT(check.lost_proposals, IsEmpty());
@@ -267,7 +267,7 @@ TEST_F(ProposalsTest, WhatADeletedMapLostIsSaidWithWhatCanBeDoneThere) {
   const std::string part = "deleted/" + to_hex(header_.id.bytes) + ".cairnmap";
   const FileCheck check = check_part(folder_ / "store", part, {});
   EXPECT_THAT(check.faults, IsEmpty());
-  EXPECT_THAT(check.lost_proposals, SizeIs(1)) << "the picture of the fixture is none";
+  EXPECT_THAT(check.lost_proposals, SizeIs(1)) << "the image of the fixture is none";
   EXPECT_THAT(check.remedy, HasSubstr("maps purge"));
   EXPECT_THAT(check.remedy, Not(HasSubstr("proposals drop"))) << "that knows the maps that are served";
 }

@@ -26,7 +26,7 @@ struct FileCheck {
 /// The texts of the rights are of another folder's making: error kDamaged.
 using CheckRights = std::function<Status(const std::string& text)>;
 
-/// The file `part` of the store in `folder`: every row is read and decoded, every picture too, and what they
+/// The file `part` of the store in `folder`: every row is read and decoded, every image too, and what they
 /// say of each other agrees, as of one moment. Beside a server that runs, too; `in_use`: by a thread of its
 /// own.
 [[nodiscard]] FileCheck check_part(const std::filesystem::path& folder, const std::string& part,

@@ -439,7 +439,7 @@ TEST_F(StoreTest, AnImportedMapTakesNoLogThatLiesInItsPlace) {
   EXPECT_THAT(store->damaged_files(), SizeIs(1));
 }
 
-TEST_F(StoreTest, AnArchiveIsJudgedByWhatItsPicturesTakeAsDecoded) {
+TEST_F(StoreTest, AnArchiveIsJudgedByWhatItsImagesTakeAsDecoded) {
   const auto store = open();
   keep(store.get());
   const std::filesystem::path archive = folder_ / "desk.cairnmap";
@@ -455,7 +455,7 @@ TEST_F(StoreTest, AnArchiveIsJudgedByWhatItsPicturesTakeAsDecoded) {
   const auto refused = store->import_map(archive, pixels - 1);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_THAT(refused.error().message, HasSubstr("its pictures take"));
+  EXPECT_THAT(refused.error().message, HasSubstr("its images take"));
   EXPECT_THAT(refused.error().message, HasSubstr("(--max-memory)"));
   EXPECT_THAT(files_in("maps"), IsEmpty());
   const auto imported = store->import_map(archive, pixels);

@@ -36,7 +36,7 @@ class AnswerTimes {
       return fmt::format("{} {} p50 {:.2f} p95 {:.2f} ms", what, ms.size(), percentile(ms, 0.5),
                          percentile(ms, 0.95));
     };
-    return fmt::format("{}; {}; {}", row("answers", all()), row("by pictures", by_image_),
+    return fmt::format("{}; {}; {}", row("answers", all()), row("by images", by_image_),
                        row("with words", by_words_));
   }
 

@@ -316,7 +316,7 @@ ChosenCamera with_prior(CameraPtr camera, const IntrinsicsPrior& guess) {
 
 /// With `auto`: what is known of a camera that is self-calibrated.
 Result<ChosenCamera> choose_uncertain_camera(const Arguments& arguments, const Frame& first) {
-  const PictureSize size{first.image->width(), first.image->height()};
+  const ImageSize size{first.image->width(), first.image->height()};
   IntrinsicsPrior guess = guess_camera(size);
   if (arguments.calibration != kAuto) {
     const auto rough =
@@ -357,7 +357,7 @@ Status run(const Arguments& arguments) {
     if (!opened) return tl::unexpected(opened.error());
     trajectory.emplace(std::move(*opened));
   }
-  // A camera to be self-calibrated is guessed from the size of the first picture.
+  // A camera to be self-calibrated is guessed from the size of the first image.
   std::optional<EngineRun> engine;
   for (size_t i = 0; i < arguments.frames;) {
     auto next = (*source)->next();

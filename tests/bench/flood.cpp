@@ -44,8 +44,8 @@ constexpr double kQueries = 2;
 constexpr double kRequests = 0.1;
 constexpr double kSeeds = 0.1;
 
-/// Smooth noise: as a picture, as large as one, and of no place.
-GrayImage picture(int width, int height, unsigned seed) {
+/// Smooth noise: as large as an image once it is encoded, and of no place.
+GrayImage noise_image(int width, int height, unsigned seed) {
   cv::RNG random(seed);
   cv::Mat noise(height / 4, width / 4, CV_8U);
   random.fill(noise, cv::RNG::UNIFORM, 0, 256);
@@ -121,12 +121,12 @@ class Flood {
     camera_.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 319.5, 239.5}};
     state_.client = id_;
     state_.session = session_;
-    const GrayImage image = picture(640, 480, 1);
+    const GrayImage image = noise_image(640, 480, 1);
     offer_.client = id_;
     offer_.image = encode_image(image, wire::ImageEncoding::kJpeg);
     std::mt19937 random(7);
     query_.client = id_;
-    query_.small_image = encode_image(picture(80, 60, 2), wire::ImageEncoding::kRaw);
+    query_.small_image = encode_image(noise_image(80, 60, 2), wire::ImageEncoding::kRaw);
     for (int i = 0; i < 700; ++i) {
       PlaceCorner corner;
       corner.pixel = {static_cast<float>(random() % 640), static_cast<float>(random() % 480)};
@@ -137,7 +137,7 @@ class Flood {
     request_.text = "flood";
     seed_.client = id_;
     seed_.first_image = encode_image(image, wire::ImageEncoding::kJpeg);
-    seed_.second_image = encode_image(picture(640, 480, 3), wire::ImageEncoding::kJpeg);
+    seed_.second_image = encode_image(noise_image(640, 480, 3), wire::ImageEncoding::kJpeg);
     for (uint32_t i = 0; i < 300; ++i) {
       Trail trail;
       trail.id = TrailId{i + 1};

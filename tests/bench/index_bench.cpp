@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The relocalizer's first stage over 100 to 100 000 keyframes: linear scan beside forest. The pictures are
+// The relocalizer's first stage over 100 to 100 000 keyframes: linear scan beside forest. The images are
 // drawn with the statistics of recorded ones.
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -14,7 +14,7 @@
 #include "common/image/frame_images.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/test_images.h"
-#include "tests/bench/picture_statistics.h"
+#include "tests/bench/image_statistics.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
 
@@ -41,7 +41,7 @@ double us_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// A picture as it comes with a query, and whether its place is mapped.
+/// An image as it comes with a query, and whether its place is mapped.
 struct Query {
   TinyImage tiny;
   bool is_mapped = false;
@@ -79,11 +79,11 @@ Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, si
   }
 }
 
-/// Maps of kKeyframesOfMap pictures each, as many as are asked for, and queries about them.
+/// Maps of kKeyframesOfMap images each, as many as are asked for, and queries about them.
 class World {
  public:
   /// `recorded`: null, or a place that is mapped besides, whose words those of the others are made of.
-  World(const PictureStatistics& statistics, const RecordedPlace* recorded, uint64_t seed)
+  World(const ImageStatistics& statistics, const RecordedPlace* recorded, uint64_t seed)
       : statistics_(statistics), recorded_(recorded), random_(seed) {
     if (recorded_ != nullptr) index.put(recorded_->map);
   }
@@ -91,15 +91,15 @@ class World {
   void grow_to(size_t keyframes) {
     while (index.keyframe_count() < keyframes) {
       places_.push_back(statistics_.draw_place(&random_));
-      std::vector<TinyImage> pictures;
+      std::vector<TinyImage> images;
       std::vector<std::vector<WordId>> words;
       const auto renaming = static_cast<size_t>(random_() % kVocabularyWords);
       for (size_t i = 0; i < kKeyframesOfMap; ++i) {
-        pictures.push_back(statistics_.draw_picture(places_.back(), &random_));
+        images.push_back(statistics_.draw_image(places_.back(), &random_));
         words.push_back(draw_words(renaming));
       }
-      index.put(testing::image_map(testing::map_id(static_cast<uint32_t>(places_.size())),
-                                   std::move(pictures), std::move(words)));
+      index.put(testing::image_map(testing::map_id(static_cast<uint32_t>(places_.size())), std::move(images),
+                                   std::move(words)));
     }
   }
   /// Every second one of a place that is mapped.
@@ -109,7 +109,7 @@ class World {
       const bool is_mapped = i % 2 == 0;
       const Eigen::VectorXf place =
           is_mapped ? places_[random_() % places_.size()] : statistics_.draw_place(&random_);
-      queries.push_back({statistics_.draw_picture(place, &random_), is_mapped});
+      queries.push_back({statistics_.draw_image(place, &random_), is_mapped});
     }
     return queries;
   }
@@ -127,7 +127,7 @@ class World {
     return words;
   }
 
-  const PictureStatistics& statistics_;
+  const ImageStatistics& statistics_;
   const RecordedPlace* recorded_;
   std::mt19937_64 random_;
   std::vector<Eigen::VectorXf> places_;
@@ -261,9 +261,9 @@ void run_size(World* world, size_t keyframes, size_t count) {
 }
 
 Status run(const Arguments& arguments) {
-  const auto statistics = PictureStatistics::measure(arguments.sources, arguments.every, arguments.apart);
+  const auto statistics = ImageStatistics::measure(arguments.sources, arguments.every, arguments.apart);
   if (!statistics) return tl::unexpected(statistics.error());
-  std::printf("%zu pictures; %zu dimensions hold 0.999 of the variance; %.2f of it is within a place\n",
+  std::printf("%zu images; %zu dimensions hold 0.999 of the variance; %.2f of it is within a place\n",
               statistics->frames(), statistics->dimensions(), statistics->share_within());
   std::printf(
       "| keyframes | search | us p50 / p95 | recall@%zu (fused order: @%zu): mapped place, elsewhere | "
@@ -277,7 +277,7 @@ Status run(const Arguments& arguments) {
   const auto recorded = record_place(arguments.map, arguments.map_frames, arguments.queries);
   if (!recorded) return tl::unexpected(recorded.error());
   std::printf(
-      "| keyframes | search | confirmed in their map | by pictures: ms p50 / p95 | with words |\n"
+      "| keyframes | search | confirmed in their map | by images: ms p50 / p95 | with words |\n"
       "|---|---|---|---|---|\n");
   World world(*statistics, &*recorded, arguments.seed);
   for (const size_t keyframes : arguments.sizes) run_answers(&world, *recorded, keyframes);
@@ -290,17 +290,17 @@ Status run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app("Finding the most alike of many keyframes: linear scan beside forest");
   cairn::Arguments arguments;
-  app.add_option("--source", arguments.sources, "recordings of 640x480 whose statistics the pictures have")
+  app.add_option("--source", arguments.sources, "recordings of 640x480 whose statistics the images have")
       ->required();
   app.add_option("--every", arguments.every, "of their frames is looked at")->check(CLI::PositiveNumber);
-  app.add_option("--apart", arguments.apart, "frames between two pictures of one place")
+  app.add_option("--apart", arguments.apart, "frames between two images of one place")
       ->check(CLI::PositiveNumber);
   app.add_option("--map", arguments.map, "a recording: whole queries about its place are timed, too");
   app.add_option("--map-frames", arguments.map_frames,
                  "frames that its map is made of; the others are asked about");
   app.add_option("--keyframes", arguments.sizes, "ascending");
   app.add_option("--queries", arguments.queries, "for each number of keyframes");
-  app.add_option("--seed", arguments.seed, "of the pictures");
+  app.add_option("--seed", arguments.seed, "of the images");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
     cairn::say_error("cairn-index-bench", done.error().message);

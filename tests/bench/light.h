@@ -8,7 +8,7 @@
 
 #include "common/image/image.h"
 
-/// A picture as it would be in other light or under another exposure.
+/// An image as it would be in other light or under another exposure.
 namespace cairn {
 
 /// v -> 255 (v / 255)^gamma * gain + bias, rounded and clipped to 0..255.

@@ -41,7 +41,7 @@ TEST(Light, EachChangeComesAloneAndHasAName) {
                                              "gamma 0.5", "gamma 2"}));
 }
 
-TEST(Light, EveryPixelOfAPictureIsChanged) {
+TEST(Light, EveryPixelOfAnImageIsChanged) {
   GrayImage image(3, 2);
   for (int y = 0; y < 2; ++y) std::fill_n(image.row(y), 3, static_cast<uint8_t>(10 * (y + 1)));
   const GrayImage lit = relight(image, {.gain = 2});

@@ -13,7 +13,7 @@
 #include "tests/bench/places_list.h"
 #include "tests/bench/truth.h"
 
-/// Recordings made into maps, and the pictures of them that were not mapped.
+/// Recordings made into maps, and the images of them that were not mapped.
 namespace cairn {
 
 struct Query {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// cairn-micro: what the server does for each keyframe, one thread. Yardsticks: a copy of the picture
+// cairn-micro: what the server does for each keyframe, one thread. Yardsticks: a copy of the image
 // (micro.cpp), OpenCV's matcher of descriptors, Ceres with automatic derivatives.
 #include <benchmark/benchmark.h>
 #include <ceres/ceres.h>
@@ -137,7 +137,7 @@ void BM_IndexKeyframeAgain(benchmark::State& state) {
 }
 BENCHMARK(BM_IndexKeyframeAgain)->Unit(benchmark::kMicrosecond);
 
-/// Each corner of a picture in all of another: the relocalizer asks only the cells around.
+/// Each corner of an image in all of another: the relocalizer asks only the cells around.
 void BM_FindNearestFew(benchmark::State& state) {
   constexpr int kLimit = 115;
   constexpr float kRatio = 0.9F;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Many recordings as separate maps in one index, and pictures of each that were not mapped: which map, and
+// Many recordings as separate maps in one index, and images of each that were not mapped: which map, and
 // where? Asked again under other light, of an index that lacks the place's own map (whatever is answered then
 // is wrong), and of the baselines. Without DDS.
 #include <fmt/format.h>
@@ -71,7 +71,7 @@ std::vector<Voted> vote_everywhere(const PlaceIndex& index, const PlaceView& vie
 }
 
 /// The keyframe with the most votes of the words: always an answer, at that keyframe's own pose. 10 240
-/// words, learned from made pictures.
+/// words, learned from made images.
 std::optional<Said> ask_words(const PlaceIndex& index, const PlaceView& view) {
   const auto voted = vote_everywhere(index, view, probed_cells(view), 1);
   if (voted.empty()) return std::nullopt;
@@ -198,7 +198,7 @@ class Examination {
   }
 
   /// Where a query about a mapped place is lost: the keyframe of its own map that geometry likes best, the
-  /// rank it has by its picture and by words, and what geometry says of it.
+  /// rank it has by its image and by words, and what geometry says of it.
   [[nodiscard]] std::string find_cause(const Place& place, const PlaceView& view) const {
     const IndexedMap& map = *place.map;
     const RelocOptions options;
@@ -224,7 +224,7 @@ class Examination {
     const QueryImage query(TinyImage(view.small, kPlaceBlur));
     const size_t all = all_.keyframe_count();
     return fmt::format(
-        "{} corners; rank {} by picture, {} by words; {} matches, {} supported, {} agree, {} of {} "
+        "{} corners; rank {} by image, {} by words; {} matches, {} supported, {} agree, {} of {} "
         "met, {} of {} expected, alike {:.2f}, order {:.2f}, unity {:.2f}, evidence {:.2f}: {}",
         view.corners.size(), rank(NearImages(all_, query, ImageSearch::kScan, all).most_similar(all)),
         rank(vote_everywhere(all_, view, cells, all)), most.matches, most.supported, most.agreeing,
@@ -384,7 +384,7 @@ void add_options(CLI::App& app, Arguments* arguments) {
       "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, and 95 % "
       "right in every light");
   app.add_flag("--check-times", arguments->check_times,
-               "ends with 1 unless ours answers within 5 ms of CPU by pictures and 15 with words (p95)");
+               "ends with 1 unless ours answers within 5 ms of CPU by images and 15 with words (p95)");
   app.add_option("--tolerance", arguments->tolerance, "of a right pose, in % of the depth")
       ->check(CLI::Range(0.0, 100.0))
       ->type_name("PERCENT")
@@ -406,7 +406,7 @@ int run(int argc, char** argv) {
   Arguments arguments;
   arguments.places.list = list_of_program();
   CLI::App app(
-      "Recordings as separate maps, and pictures of them that were not mapped: which map, and from where? "
+      "Recordings as separate maps, and images of them that were not mapped: which map, and from where? "
       "Also in "
       "other light, without the place's own map, and by the paper's method and by words.",
       name);

@@ -204,7 +204,7 @@ def render_command(name, binaries, folder):
 
 
 def check_scenario(name, binaries):
-    """Refuses what cairn-sim does not know, by one frame without a picture."""
+    """Refuses what cairn-sim does not know, by one frame without an image."""
     with tempfile.TemporaryDirectory() as folder:
         command = render_command(name, binaries, folder)
         if "--frames" not in command:
@@ -218,7 +218,7 @@ def check_scenario(name, binaries):
 
 
 def render(sequence, binaries, folder):
-    """Renders a scenario as a TUM recording: pictures, calibration and exact truth."""
+    """Renders a scenario as a TUM recording: images, calibration and exact truth."""
     run(render_command(sequence.name, binaries, folder / "sequence"), folder / "render.log")
     sequence.source = f"tum:{folder}/sequence"
     sequence.truth = folder / "sequence" / "groundtruth.txt"

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// A picture whose camera stood at a known place.
+/// An image whose camera stood at a known place.
 struct PosedStill {
   Timestamp time;
   GrayImagePtr image;

@@ -34,9 +34,9 @@ Result<CameraPtr> choose_camera(const FrameSource& source, const std::string& ur
   const auto path = file.empty() ? find_calibration(uri) : file;
   if (!path)
     return fail(ErrorCode::kConfiguration, uri + ": no camera.txt beside it; pass --calibration FILE");
-  const auto calibration = read_calibration(*path, source.picture_size());
+  const auto calibration = read_calibration(*path, source.image_size());
   if (!calibration) return tl::unexpected(calibration.error());
-  if (Status fits = check_picture_size(source, *calibration); !fits) return tl::unexpected(fits.error());
+  if (Status fits = check_image_size(source, *calibration); !fits) return tl::unexpected(fits.error());
   return make_camera(*calibration);
 }
 

@@ -18,7 +18,7 @@ namespace cairn {
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_aloud(const std::string& uri);
 
 /// The camera of `file`, or, if that is empty, what `source`, opened from `uri`, knows itself, or that of the
-/// file beside it. kConfiguration where it is for pictures of another size.
+/// file beside it. kConfiguration where it is for images of another size.
 [[nodiscard]] Result<CameraPtr> choose_camera(const FrameSource& source, const std::string& uri,
                                               const std::string& file);
 

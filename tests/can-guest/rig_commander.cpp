@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `cairnctl rig` and nothing else of cairnctl, whose libraries for pictures take an emulated machine longer
+// `cairnctl rig` and nothing else of cairnctl, whose libraries for images take an emulated machine longer
 // to load than a rig takes to home: rig_commander [--domain N] rig NAME ...
 // rig_commander [--domain N] --stop-on-word NAME joins, and stops that rig when a line comes on stdin: what
 // an order takes, without what a program takes to begin.

@@ -38,7 +38,7 @@ constexpr const char* kFiles[] = {
 
 void decode(Bytes bytes) {
   const MemoryFile file(bytes);
-  const auto camera = read_calibration(file.path(), PictureSize{640, 480});
+  const auto camera = read_calibration(file.path(), ImageSize{640, 480});
   if (!camera) return;
   demand(make_camera(*camera).has_value(), "a calibration that is read makes a camera");
   demand(!describe_camera(*camera).empty(), "a camera can be described");
@@ -48,7 +48,7 @@ std::vector<Input> seeds() {
   std::vector<Input> files;
   for (const char* file : kFiles) {
     const MemoryFile in_memory(bytes_of(file));
-    const auto camera = read_calibration(in_memory.path(), PictureSize{640, 480});
+    const auto camera = read_calibration(in_memory.path(), ImageSize{640, 480});
     demand(camera.has_value(), camera ? file : camera.error().message.c_str());
     files.push_back(copy_of(file));
   }

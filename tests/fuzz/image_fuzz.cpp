@@ -24,13 +24,13 @@ void decode(Bytes bytes) {
 std::vector<Input> seeds() {
   std::vector<Input> files;
   for (const int type : {CV_8UC1, CV_8UC3, CV_16UC1}) {
-    cv::Mat picture(24, 32, type);
-    cv::randu(picture, 0, 255);
+    cv::Mat image(24, 32, type);
+    cv::randu(image, 0, 255);
     for (const char* suffix : {".png", ".jpg", ".pgm", ".ppm"}) {
       const bool is_possible = type == CV_16UC1 ? suffix != std::string(".jpg") : true;
       std::vector<uint8_t> bytes;
-      if (is_possible && (suffix != std::string(".ppm") || picture.channels() == 3) &&
-          (suffix != std::string(".pgm") || picture.channels() == 1) && cv::imencode(suffix, picture, bytes))
+      if (is_possible && (suffix != std::string(".ppm") || image.channels() == 3) &&
+          (suffix != std::string(".pgm") || image.channels() == 1) && cv::imencode(suffix, image, bytes))
         files.push_back(std::move(bytes));
     }
   }

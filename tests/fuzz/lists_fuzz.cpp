@@ -25,7 +25,7 @@ void read_labels(const MemoryFile& file) {
   if (!labels) return demand(!labels.error().message.empty(), "a refusal has a reason");
   for (const TimedLabel& label : *labels) {
     demand(!fault_of_text(label.text) && label.text.size() <= kMaxLabelBytes, "a label's text can be kept");
-    demand(cv::Rect(0, 0, 640, 480).contains(label.pixel), "a label is in the picture");
+    demand(cv::Rect(0, 0, 640, 480).contains(label.pixel), "a label is in the image");
   }
 }
 

@@ -99,7 +99,7 @@ std::vector<Input> seeds() {
                                               encode_positions(map.positions[0]),
                                               encode_foundation(*map.foundation),
                                               encode_work(*map.work),
-                                              encode_image_row(small_picture()),
+                                              encode_image_row(small_image()),
                                               encode_header({small_header(), 2, 3}),
                                               encode_epoch({Epoch{1}, 2, 3}),
                                               encode_decision(small_decision()),

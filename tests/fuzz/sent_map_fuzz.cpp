@@ -157,7 +157,7 @@ void decode(Bytes bytes) {
 
 std::vector<Input> seeds() {
   const MapRecord map = small_record();
-  const Blob picture = encode_image_row(small_picture());
+  const Blob image = encode_image_row(small_image());
   Input known;
   Input found;
   for (Input* out : {&known, &found}) {
@@ -171,7 +171,7 @@ std::vector<Input> seeds() {
     for (size_t i = 0; i < map.keyframes.size(); ++i) {
       put(kKeyframes, i + 1, encode_keyframe(map.keyframes[i], out == &known ? 1 : calibrated_camera_row(0)),
           out);
-      put(kImages, i + 1, picture, out);
+      put(kImages, i + 1, image, out);
       put(kMeasurements, i + 1, encode_measurements(map.measurements[i]), out);
     }
     put(kSources, 0, encode_sources(map.sources[0]), out);

@@ -31,7 +31,7 @@ CameraPtr small_camera() {
   return made;
 }
 
-GrayImage small_picture() {
+GrayImage small_image() {
   GrayImage image(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) image.row(y)[x] = static_cast<uint8_t>(8 * x ^ 5 * y);
@@ -67,7 +67,7 @@ MapRecord small_record() {
     MeasurementsRecord seen{id, {}, {}};
     for (const PointSource& point : sources.points) seen.measurements.push_back({point.id, 0, {10, 12}});
     made.measurements.push_back(std::move(seen));
-    made.images.push_back({id, std::make_shared<const GrayImage>(small_picture())});
+    made.images.push_back({id, std::make_shared<const GrayImage>(small_image())});
   }
   made.sources.push_back(std::move(sources));
   made.positions.push_back(std::move(positions));

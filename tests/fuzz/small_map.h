@@ -8,7 +8,7 @@
 namespace cairn::fuzz {
 
 [[nodiscard]] CameraPtr small_camera();
-[[nodiscard]] GrayImage small_picture();
+[[nodiscard]] GrayImage small_image();
 [[nodiscard]] MapHeader small_header();
 [[nodiscard]] MapRecord small_record();
 [[nodiscard]] LabelRecord small_label();

@@ -294,9 +294,9 @@ TEST_F(CameraSession, AnotherEpochCountsAnew) {
 TEST_F(CameraSession, OnlyWhatIsNamedOfItsOwnIsWaitedFor) {
   CameraVersion someone_else = version(1);
   someone_else.client = client_id_from_name("bob");
-  CameraVersion other_pictures = version(1);
-  ++other_pictures.camera;
-  server_.commit(kMapA, kEpoch, 1, {someone_else, other_pictures});
+  CameraVersion other_images = version(1);
+  ++other_images.camera;
+  server_.commit(kMapA, kEpoch, 1, {someone_else, other_images});
   ASSERT_TRUE(comes_to(kMapA, 1));
   EXPECT_EQ(taken_focal(), 0);
 }
@@ -391,7 +391,7 @@ TEST_F(SelfCalibration, TheSameNameWithAnExactCameraGetsItsMapAndGrowsIt) {
   EXPECT_EQ(map_at_server()->cameras.size(), 1U) << "an exact camera is not calibrated";
 }
 
-TEST_F(SelfCalibration, AnotherSizeOfPictureIsAnotherCamera) {
+TEST_F(SelfCalibration, AnotherSizeOfImageIsAnotherCamera) {
   auto session = open_calibrating();
   seed(*session);
   const MapId map = session->snapshot()->map;

@@ -97,7 +97,7 @@ def distort(model, more, u, v):
 
 
 def project(camera, pose, point):
-    """Where in the picture a point is seen, in COLMAP's pixels."""
+    """Where in the image a point is seen, in COLMAP's pixels."""
     model, _, _, (fx, fy, cx, cy, *more) = camera
     x, y, z = (a + b for a, b in zip(rotate(pose[:4], point), pose[4:]))
     assert z > 0, "behind the camera"

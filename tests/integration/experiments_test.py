@@ -16,7 +16,7 @@ RUN_EXPERIMENT = pathlib.Path(__file__).resolve().parents[1] / "bench" / "run-ex
 PASSED = 0
 BOTH_METHODS = ("improved", "paper")
 
-# Where a label appears may be off by what somebody means who points there (the found point within 2 % of the picture's width, 1.5
+# Where a label appears may be off by what somebody means who points there (the found point within 2 % of the image's width, 1.5
 # degrees of these cameras) and by what the pose is off. Of five labels the worst alone is the p95 of their frames.
 MOST_DEGREES_P95, MOST_DEGREES = 2.0, 2.5
 

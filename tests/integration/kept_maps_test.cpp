@@ -186,7 +186,7 @@ TEST_F(KeptMaps, AnotherCameraLetsARestoredMapGrow) {
   const MapSnapshotPtr before = session_->snapshot();
   session_.reset();
   restart();
-  CameraParameters wider;  // larger pictures, more of the scene in them, a lens that bends the other way
+  CameraParameters wider;  // larger images, more of the scene in them, a lens that bends the other way
   wider.width = 640;
   wider.height = 480;
   wider.values = {430, 433, 322, 236, 0.06, -0.02, 0.001, -0.0005};

@@ -595,13 +595,13 @@ class Operator(OnTheDesk):
         here = self.ctl("map", "map-1", "show")
         header = (out / "map-1/points.ply").read_bytes()[:200].decode(errors="replace")
         vertices = int(re.search(r"element vertex (\d+)", header).group(1))
-        pictures = sorted(p.name for p in (out / "map-1/images").iterdir())
-        self.assertEqual(len(pictures), here["keyframes"])
+        exported = sorted(p.name for p in (out / "map-1/images").iterdir())
+        self.assertEqual(len(exported), here["keyframes"])
         cameras, images, points = self.check_models(out / "map-1")
         self.assertEqual(len(points), vertices)
         self.assertLessEqual(vertices, here["points"])  # points of one view only are left out
         self.assertGreater(vertices, 0.9 * here["points"])
-        self.assertEqual(sorted(name for _, _, name, _ in images.values()), pictures)
+        self.assertEqual(sorted(name for _, _, name, _ in images.values()), exported)
         truth = next(line.split() for line in (self.folder / "desk/camera.txt").read_text().splitlines() if line[0] != "#")
         _, _, fx, fy, cx, cy, *distortion = map(float, truth)
         self.assertEqual(cameras, {1: ("OPENCV", 640, 480, (fx, fy, cx + 0.5, cy + 0.5, *distortion))})
@@ -634,8 +634,8 @@ class Operator(OnTheDesk):
         told = subprocess.run(command("cairnctl", "maps", "export", "--help"), check=True, capture_output=True, text=True).stdout
         ours, colmaps = re.search(r"^ +cairnctl (maps export desk .*)\n +colmap (image_undistorter .*)$", told, re.M).groups()
         self.ctl(*ours.replace("desk", "map-1").replace("exported", str(self.folder / "exported")).split())
-        pictures = list((self.folder / "exported/map-1/images").iterdir())
-        self.assertEqual({colour_type(picture) for picture in pictures}, {2}, "PNG: 2 is RGB")
+        exported = list((self.folder / "exported/map-1/images").iterdir())
+        self.assertEqual({colour_type(file) for file in exported}, {2}, "PNG: 2 is RGB")
         self.ctl("maps", "export", "--rgb", "--out", self.folder / "exported", expect=USAGE)
         if shutil.which("colmap"):
             out = self.folder / "undistorted"
@@ -644,10 +644,10 @@ class Operator(OnTheDesk):
             for word, place in places.items():
                 colmaps = colmaps.replace(word, str(place))
             self.colmap(*colmaps.split())
-            self.assertEqual(len(list((out / "images").iterdir())), len(pictures))
+            self.assertEqual(len(list((out / "images").iterdir())), len(exported))
             cameras, images, _ = colmap_model.read_binary(out / "sparse")
             self.assertEqual({camera[0] for camera in cameras.values()}, {"PINHOLE"})
-            self.assertEqual(len(images), len(pictures))
+            self.assertEqual(len(images), len(exported))
 
     def check_models(self, folder):
         """Both forms of a model: the same, right by COLMAP's rules, and by its own word where it is installed; the content."""

@@ -222,7 +222,7 @@ class Labels(OnTheDesk):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--headless", "--labels", wrong),
                               stderr=subprocess.PIPE, text=True, timeout=LIMIT)
         self.assertEqual(done.returncode, DAMAGED, done.stderr)
-        self.assertIn(f"{wrong}:1: the pixel lies outside the picture, which is 640x480", done.stderr)
+        self.assertIn(f"{wrong}:1: the pixel lies outside the image, which is 640x480", done.stderr)
 
 
 class Cameras(OnTheDesk):
@@ -297,7 +297,7 @@ class Followers(OnTheDesk):
 
 
 def black_png(width, height):
-    """A gray picture that shows nothing."""
+    """A gray image that shows nothing."""
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
     rows = (b"\0" + bytes([8]) * width) * height
@@ -322,13 +322,13 @@ class Places(OnTheDesk):
         folder.mkdir()
         (folder / "camera.txt").write_text((cls.folder / "desk/camera.txt").read_text())
         (folder / "black.png").write_bytes(black_png(640, 480))
-        pictures = []
+        images = []
         for desk, frames in parts:
-            if pictures:
-                pictures += ["black.png"] * cls.COVERED
+            if images:
+                images += ["black.png"] * cls.COVERED
             listed = [row.split()[1] for row in (cls.folder / desk / "rgb.txt").read_text().splitlines() if row[0] != "#"]
-            pictures += [f"../{desk}/{listed[i]}" for i in frames]
-        (folder / "rgb.txt").write_text("".join(f"{i * SLOWNESS / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
+            images += [f"../{desk}/{listed[i]}" for i in frames]
+        (folder / "rgb.txt").write_text("".join(f"{i * SLOWNESS / 30:.6f} {image}\n" for i, image in enumerate(images)))
 
     def play(self, server, name, recording, *more):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/{recording}", "--domain", server.domain,
@@ -434,7 +434,7 @@ class Wearers(OnTheDesk):
 class Faults(OnTheDesk):
     FRAMES = 450
 
-    def test_a_recording_that_is_interrupted_is_a_shorter_one_and_leaves_no_pictures_of_an_earlier_one(self):
+    def test_a_recording_that_is_interrupted_is_a_shorter_one_and_leaves_no_images_of_an_earlier_one(self):
         folder = self.folder / "short"
         for stop in (signal.SIGTERM, signal.SIGINT):
             render = subprocess.Popen(command("cairn-sim", "render", "desk", "--out", folder), stdout=subprocess.PIPE,
@@ -457,7 +457,7 @@ class Faults(OnTheDesk):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--calibration", wrong, "--headless"),
                               stderr=subprocess.PIPE, text=True, timeout=LIMIT)
         self.assertEqual(done.returncode, 3, done.stderr)
-        self.assertIn(f"{wrong}: focal lengths 50 and 50 px for a picture of 640x480", done.stderr)
+        self.assertIn(f"{wrong}: focal lengths 50 and 50 px for an image of 640x480", done.stderr)
 
     def test_without_a_server_what_an_earlier_run_left_is_kept(self):
         kept = {self.folder / f"kept.{end}": f"of an earlier run: {end}" for end in ("txt", "json", "mp4")}
@@ -521,8 +521,8 @@ class Faults(OnTheDesk):
         rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)[:41]
         (damaged / "rgb.txt").write_text("".join(rows))
         for i, name in enumerate(row.split()[1] for row in rows if not row.startswith("#")):
-            picture = (self.folder / "desk" / name).read_bytes()
-            (damaged / name).write_bytes(picture if i < 15 else picture[:100])
+            image = (self.folder / "desk" / name).read_bytes()
+            (damaged / name).write_bytes(image if i < 15 else image[:100])
         with ServerProcess() as server:
             stats, said = self.track(server, "damaged", "--pace", "lockstep", recording="damaged", code=6)
         self.assertIn("25 of 40 frames could not be decoded", said)

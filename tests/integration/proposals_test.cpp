@@ -112,7 +112,7 @@ TEST_F(ProposalsTest, WhatIsAcceptedIsEverybodys) {
   EXPECT_LE(listed[0]["found"], listed[0]["expected"]);
   EXPECT_THAT(offer(*rita, *rita->snapshot(), 6).reason, HasSubstr("proposal " + id + " shows the same"));
 
-  // It is there after another start, with its picture and what is to be seen in it.
+  // It is there after another start, with its encoded and what is to be seen in it.
   service_.reset();
   start_service_again();
   connect();
@@ -122,15 +122,15 @@ TEST_F(ProposalsTest, WhatIsAcceptedIsEverybodys) {
   EXPECT_GT(shown["found_now"], 20);
   const auto piece = admin_->ask(about("proposal-picture", id));
   ASSERT_TRUE(piece);
-  std::vector<uint8_t> picture = piece->data;
-  while (picture.size() < piece->content["bytes"]) {
+  std::vector<uint8_t> encoded = piece->data;
+  while (encoded.size() < piece->content["bytes"]) {
     json more = about("proposal-picture", id);
-    more["offset"] = picture.size();
+    more["offset"] = encoded.size();
     const auto next = admin_->ask(more);
     ASSERT_TRUE(next && !next->data.empty());
-    picture.insert(picture.end(), next->data.begin(), next->data.end());
+    encoded.insert(encoded.end(), next->data.begin(), next->data.end());
   }
-  const auto image = decode_gray_image(picture);
+  const auto image = decode_gray_image(encoded);
   ASSERT_TRUE(image);
   EXPECT_EQ(image->width(), scene_.camera()->width());
 

@@ -83,11 +83,11 @@ class Proposals(unittest.TestCase):
         self.server.kill_and_restart(0)
         self.assertEqual(self.ctl("proposals"), waiting)
         first = waiting[0]["id"]
-        picture = self.folder / "seen.png"
-        shown = self.ctl("proposals", "show", first, "--save", picture)
-        self.assertEqual(size_and_colours(picture), (640, 480, 2))
+        image = self.folder / "seen.png"
+        shown = self.ctl("proposals", "show", first, "--save", image)
+        self.assertEqual(size_and_colours(image), (640, 480, 2))
         self.assertEqual(len(shown["points"]), shown["expected_now"])
-        self.assertIn("is there already", self.ctl("proposals", "show", first, "--save", picture, expect=USAGE))
+        self.assertIn("is there already", self.ctl("proposals", "show", first, "--save", image, expect=USAGE))
 
         accepted = self.ctl("proposals", "accept", first)
         self.assertEqual((accepted[0]["id"], accepted[0]["client"]), (first, "visitor"))

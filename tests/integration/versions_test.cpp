@@ -122,7 +122,7 @@ TEST_F(VersionsTest, AMapThatCannotBeRolledBackGoesOn) {
   damage("UPDATE images SET checksum = checksum + 1 WHERE id = 1");
   const auto damaged = admin_->ask(back_to_monday);
   damage("UPDATE images SET checksum = checksum - 1 WHERE id = 1");
-  ASSERT_FALSE(damaged) << "it has a picture of the tag's";
+  ASSERT_FALSE(damaged) << "it has an image of the tag's";
   EXPECT_THAT(damaged.error().message, HasSubstr("table images, row 1"));
   EXPECT_EQ(done({{"verb", "tags"}, {"map", "map-1"}})["tags"].size(), 1U) << "nothing has happened";
   EXPECT_EQ(done({{"verb", "status"}})["damaged_files"], 0);

@@ -46,7 +46,7 @@ class WearerTest : public ::testing::Test {
     session.leave_map();
     return map ? map->map : MapId{};
   }
-  /// Makes the server hear that the shoulder camera is tracked, with a new picture each time.
+  /// Makes the server hear that the shoulder camera is tracked, with a new image each time.
   void track_in(const MapId& map) {
     shoulder_->use_map(map);
     ASSERT_TRUE(shoulder_->wait_until_settled(60s));
@@ -169,7 +169,7 @@ TEST_F(WearerTest, ByThePapersRuleItIsNotUntilTheOtherCameraIsLost) {
     return said.verdict == PlaceVerdict::kNotThere && !maps_in(said).contains(there);
   }));
   EXPECT_TRUE(told_while_tracked_in(here, here_, [&](const auto& said) { return is_only(said, here); }));
-  // The shoulder camera gives no new pictures.
+  // The shoulder camera gives no new images.
   EXPECT_TRUE(eventually([&] { return is_only(ask(elsewhere_), there); }));
 }
 

@@ -107,7 +107,7 @@ class Window(OnTheDesk):
 
 
 @unittest.skipUnless(is_there(), "apt-get install xvfb xdotool")
-class Pictures(unittest.TestCase):
+class Images(unittest.TestCase):
     """Two trackers of one wearer on this host: the window of the one shows what the other sees."""
 
     def setUp(self):
@@ -151,36 +151,36 @@ class Pictures(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline, viewer.said)
             viewer.press("o")
 
-    def test_pictures_come_while_they_are_asked_for_and_who_dies_is_missed(self):
+    def test_images_come_while_they_are_asked_for_and_who_dies_is_missed(self):
         shoulder = self.open("shoulder", "--headless")
         self.wait_for((shoulder, "client 'shoulder'"))
         viewer = self.open("viewer")
         begin = time.monotonic()
         self.show_the_other(viewer)
-        self.wait_for((viewer, "shows its pictures"), (shoulder, "pictures of this camera go to viewer"))
+        self.wait_for((viewer, "shows its images"), (shoulder, "images of this camera go to viewer"))
         time.sleep(1)
         viewer.press("o")
-        self.wait_for((shoulder, "nobody asks for pictures of this camera any more; "))
+        self.wait_for((shoulder, "nobody asks for images of this camera any more; "))
         self.assert_sent(shoulder, time.monotonic() - begin)
 
         begin = time.monotonic()
         self.show_the_other(viewer)
-        self.wait_for((shoulder, "pictures of this camera go to viewer"))
+        self.wait_for((shoulder, "images of this camera go to viewer"))
         viewer.process.kill()
-        self.wait_for((shoulder, "nobody asks for pictures of this camera any more; "))
+        self.wait_for((shoulder, "nobody asks for images of this camera any more; "))
         self.assert_sent(shoulder, time.monotonic() - begin)
         viewer.process.wait()
 
         viewer = self.open("viewer")
         self.show_the_other(viewer)
-        self.wait_for((viewer, "shows its pictures"))
+        self.wait_for((viewer, "shows its images"))
         shoulder.process.kill()
-        self.wait_for((viewer, "has given no picture for a second"), (viewer, "is not there"))
+        self.wait_for((viewer, "has given no image for a second"), (viewer, "is not there"))
         viewer.press("q")
         self.assertEqual(viewer.process.wait(timeout=LIMIT), 0, viewer.said)
-        pictures = json.loads((self.folder / "viewer.json").read_text())["pictures"]
-        self.assertGreater(pictures["received"], 0)
-        self.assertEqual((pictures["sent"], pictures["cpu_ms"]), (0, 0), "nobody asked for the viewer's")
+        images = json.loads((self.folder / "viewer.json").read_text())["pictures"]
+        self.assertGreater(images["received"], 0)
+        self.assertEqual((images["sent"], images["cpu_ms"]), (0, 0), "nobody asked for the viewer's")
 
     def assert_sent(self, tracker, seconds):
         sent = int(tracker.said[self.heard[tracker]:].split()[0])

@@ -29,7 +29,7 @@ Status write_places(const std::filesystem::path& path, const Annotation& annotat
   if (!file) return tl::unexpected(file.error());
   *file
       << "# timestamp place share tx ty tz qx qy qz qw: a place that the frame shows, its share of the "
-         "picture,\n"
+         "image,\n"
          "# and its pose (place to the world of groundtruth.txt); `timestamp -`: the frame shows no place\n";
   for (const Annotation::Frame& frame : annotation.frames) {
     if (frame.shares.empty()) *file << format_timestamp(frame.time) << ' ' << kNothing << '\n';

@@ -16,7 +16,7 @@ namespace cairn {
 struct Annotation {
   struct Share {
     int place = 0;       ///< index into `places`
-    double share = 0;    ///< of the picture
+    double share = 0;    ///< of the image
     SE3 map_from_place;  ///< the simulator's map
   };
   struct Frame {

@@ -92,7 +92,7 @@ void write_pose(std::ostream& file, Timestamp time, const SE3& map_from_camera) 
        << ' ' << q.z() << ' ' << q.w() << '\n';
 }
 
-/// Pictures of an earlier recording in the folder, which no list would name.
+/// Images of an earlier recording in the folder, which no list would name.
 Status remove_frames(const std::filesystem::path& folder) {
   const std::regex name("[0-9]{5}\\.[0-9]{6}\\.png");
   std::error_code error;
@@ -261,7 +261,7 @@ int run(int argc, char** argv) {
   bool no_images = false;
   render_command->add_flag(
       "--no-images", no_images,
-      "truth and annotation only: a tracker reads `sim:` itself; pictures of an earlier recording there are "
+      "truth and annotation only: a tracker reads `sim:` itself; images of an earlier recording there are "
       "removed");
   add_simulator_options(render_command, &values);
   JudgeRequest judge_request;

@@ -24,10 +24,10 @@ class Census {
   explicit Census(const Scenario& scenario);
 
   struct Survey {
-    std::vector<double> shares;  ///< of the picture (0 to 1), that each place fills
+    std::vector<double> shares;  ///< of the image (0 to 1), that each place fills
     double depth = 0;            ///< [m], the median along the camera's axis; 0 where no face is
   };
-  /// Of the whole picture, seen with the poses of all bodies.
+  /// Of the whole image, seen with the poses of all bodies.
   [[nodiscard]] Survey survey(std::span<const ViewMatrix> camera_from_body) const;
   /// What there is to see along a ray, given by its point in the plane z = 1; nothing where no face is.
   [[nodiscard]] std::optional<Sight> look(std::span<const ViewMatrix> camera_from_body,

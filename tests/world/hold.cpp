@@ -53,8 +53,8 @@ void furnish(uint64_t seed, WorldBuilder* world) {
                    {things.uniform(0.1, 0.2), 0.12, things.uniform(0.1, 0.3)}, all_sides(label));
   }
   for (const double x : {-1.7, -0.9, 0.0, 0.8}) {
-    const Bitmap picture = x < 0 ? cover(512, 512, things) : dead_leaves(512, 512, things);
-    world->add_panel({x, 0.398, 0.5}, {0.6, 0, 0}, {0, 0, 0.6}, world->add_texture(picture));
+    const Bitmap pattern = x < 0 ? cover(512, 512, things) : dead_leaves(512, 512, things);
+    world->add_panel({x, 0.398, 0.5}, {0.6, 0, 0}, {0, 0, 0.6}, world->add_texture(pattern));
   }
 }
 
@@ -120,16 +120,16 @@ Scenario turned_before_desk(const char* name, const ScenarioOptions& options, co
   return scenario;
 }
 
-Bitmap picture_of(const Camera& camera) {
+Bitmap canvas_of(const Camera& camera) {
   return {camera.width(), camera.height()};
 }
 
-/// White letters that the picture shows through, and their dark outline, as a camera application leaves them.
+/// White letters that the image shows through, and their dark outline, as a camera application leaves them.
 Overlay line_of_text(const Camera& camera, uint64_t seed) {
-  Overlay overlay{picture_of(camera), picture_of(camera)};
+  Overlay overlay{canvas_of(camera), canvas_of(camera)};
   for (const float offset : {1.0F, 0.0F}) {  // the outline lies below
     Random random(seed, kText);
-    Bitmap ink = picture_of(camera);
+    Bitmap ink = canvas_of(camera);
     draw_text_line(&ink, 14 + offset, 12 + offset, 190, 15, 1, random);
     for (int y = 0; y < ink.height(); ++y) {
       for (int x = 0; x < ink.width(); ++x) {
@@ -143,9 +143,9 @@ Overlay line_of_text(const Camera& camera, uint64_t seed) {
   return overlay;
 }
 
-/// Black but for a circle that is cut at top and bottom, as the picture of an endoscope lies on its sensor.
+/// Black but for a circle that is cut at top and bottom, as the image of an endoscope lies on its sensor.
 Overlay round_border(const Camera& camera) {
-  Overlay overlay{picture_of(camera), picture_of(camera)};
+  Overlay overlay{canvas_of(camera), canvas_of(camera)};
   const double radius = 0.6 * camera.height();
   const Eigen::Vector2d centre(0.49 * camera.width(), 0.44 * camera.height());
   const Eigen::Vector2d notch = centre + radius * Eigen::Vector2d(-0.45, 0.893);

@@ -18,7 +18,7 @@ namespace cairn {
 [[nodiscard]] Scenario make_look_away(const ScenarioOptions& options);
 /// Likewise, under a line of text that stands still.
 [[nodiscard]] Scenario make_watermark(const ScenarioOptions& options);
-/// The route of the desk, with smaller turns, in the round picture of an endoscope: black around it, with a
+/// The route of the desk, with smaller turns, in the round image of an endoscope: black around it, with a
 /// notch.
 [[nodiscard]] Scenario make_border(const ScenarioOptions& options);
 /// The route of the desk, whose speed is heeded after eight seconds.

@@ -84,7 +84,7 @@ struct LabelVerdict {
   int place = 0;
   bool placed = false;
   /// Between where the label appears and where the thing is, from the camera: of each frame of a visit that
-  /// was tracked rightly in that map and has the thing within its picture. Ascending.
+  /// was tracked rightly in that map and has the thing within its image. Ascending.
   std::vector<double> degrees;
 };
 

@@ -20,7 +20,7 @@ constexpr const char* kTruthFile = "label_truth.txt";
 constexpr double kPartOfPhase = 0.75;
 constexpr int kFastThreshold = 15;
 constexpr int kBorder = 40;  // px
-/// What is this near in the picture may be taken for what is pointed at.
+/// What is this near in the image may be taken for what is pointed at.
 constexpr int kSurroundings = 14;     // px
 constexpr double kOneSurface = 0.04;  // of the depth
 
@@ -37,7 +37,7 @@ bool is_on_surface(const Simulator& simulator, int frame, const Eigen::Vector2d&
   return true;
 }
 
-/// The stronger half of a picture's corners, from the middle of the picture outwards.
+/// The stronger half of an image's corners, from the middle of the image outwards.
 std::vector<Eigen::Vector2i> strong_corners(const GrayImage& image) {
   CornerList corners;
   detect_fast10(image.view(), kFastThreshold, &corners);

@@ -27,7 +27,7 @@ struct LabelTarget {
 };
 
 /// One for each place that is mapped, when three quarters of its phase are over: of the stronger half of the
-/// picture's corners the one nearest to its middle that is of the place and on a surface, not at the edge of
+/// image's corners the one nearest to its middle that is of the place and on a surface, not at the edge of
 /// a thing. Later in the phase where that frame has none.
 [[nodiscard]] std::vector<LabelTarget> choose_label_targets(Simulator* simulator);
 

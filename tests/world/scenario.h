@@ -103,7 +103,7 @@ struct TextureRegion {
 [[nodiscard]] Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right,
                              const Eigen::Vector3d& up, const TextureRegion& region, float brightness);
 
-/// What lies still over the picture, of the picture's size: a lens's border, a water mark.
+/// What lies still over the image, of the image's size: a lens's border, a water mark.
 struct Overlay {
   Bitmap grey;
   Bitmap opacity;  ///< 0 the world, 1 the overlay

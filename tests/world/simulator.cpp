@@ -86,7 +86,7 @@ const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
       {"speed", "a factor on the speed of the hand, 0.05 to 10"},
       {"exposure", "amplitude of the changes of exposure, 0 to 0.9"},
       {"hands", "times a minute that a hand comes before the lens, 0 to 20"},
-      {"blackouts", "times a minute that the picture is black, 0 to 20"},
+      {"blackouts", "times a minute that the image is black, 0 to 20"},
       {"jerks", "times a minute that the camera is jerked aside and back, 0 to 20"},
       {"imu", "samples a second of an IMU on the camera, 20 to 2000"},
   };

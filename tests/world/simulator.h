@@ -38,7 +38,7 @@ struct SimulatorOptions {
   double speed = 1;        ///< factor on the speed of the hand
   double exposure = 0.08;  ///< amplitude of the changes of gain, as a fraction
   double hands = 0;        ///< times a minute that a hand comes before the lens, for 1.2 s
-  double blackouts = 0;    ///< times a minute that the picture is black, for 0.5 s
+  double blackouts = 0;    ///< times a minute that the image is black, for 0.5 s
   double jerks = 0;        ///< times a minute that the camera is jerked aside and back, within 0.6 s
   double imu = 0;          ///< samples a second of an IMU on the camera; 0: it has none
 
@@ -62,7 +62,7 @@ struct SimFrame {
 struct SimView {
   struct PlaceShare {
     int place = 0;       ///< index into the places
-    double share = 0;    ///< of the picture, > 0
+    double share = 0;    ///< of the image, > 0
     SE3 map_from_place;  ///< at the frame's time
   };
   std::vector<PlaceShare> places;  ///< the largest share first; empty in the dark

@@ -59,7 +59,7 @@ std::string size_text(const BoardDescription& board) {
 }
 
 /// The crossing of squares near `start`, from a window of 2 `half` + 1 pixels a side, smaller at the
-/// picture's edge; nothing if there is none.
+/// image's edge; nothing if there is none.
 std::optional<cv::Point2f> refine(const cv::Mat& pixels, const cv::Point2f& start, int half) {
   constexpr int kMinHalf = 2;
   constexpr float kRim = 2;  // of gradients, between pixels
@@ -79,8 +79,8 @@ class Chessboard final : public Board {
  public:
   explicit Chessboard(const BoardDescription& description) : board_(description) {}
 
-  std::optional<BoardView> find(const GrayView& picture) const override {
-    const cv::Mat pixels = as_mat(picture);
+  std::optional<BoardView> find(const GrayView& image) const override {
+    const cv::Mat pixels = as_mat(image);
     std::vector<cv::Point2f> corners;
     const cv::Size inner(board_.columns - 1, board_.rows - 1);
     if (!cv::findChessboardCornersSB(pixels, inner, corners, cv::CALIB_CB_NORMALIZE_IMAGE))
@@ -124,8 +124,8 @@ class Charuco final : public Board {
   Charuco(const BoardDescription& description, std::vector<Pattern> patterns)
       : board_(description), patterns_(std::move(patterns)) {}
 
-  std::optional<BoardView> find(const GrayView& picture) const override {
-    const cv::Mat pixels = as_mat(picture);
+  std::optional<BoardView> find(const GrayView& image) const override {
+    const cv::Mat pixels = as_mat(image);
     SeenMarkers seen;
     cv::aruco::detectMarkers(pixels, patterns_.front()->dictionary, seen.corners, seen.ids);
     if (seen.ids.empty()) return std::nullopt;
@@ -262,8 +262,8 @@ Result<GrayImage> draw_board(const BoardDescription& description, int square_px)
   }
   if (auto status = check_squares(description); !status) return tl::unexpected(status.error());
   const cv::Size inside(description.columns * square_px, description.rows * square_px);
-  cv::Mat picture(inside.height + 2 * square_px, inside.width + 2 * square_px, CV_8U, cv::Scalar(255));
-  cv::Mat board = picture(cv::Rect(cv::Point(square_px, square_px), inside));
+  cv::Mat image(inside.height + 2 * square_px, inside.width + 2 * square_px, CV_8U, cv::Scalar(255));
+  cv::Mat board = image(cv::Rect(cv::Point(square_px, square_px), inside));
   if (description.kind == BoardDescription::Kind::kChessboard) {
     for (int y = 0; y < inside.height; ++y) {
       for (int x = 0; x < inside.width; ++x) {
@@ -277,7 +277,7 @@ Result<GrayImage> draw_board(const BoardDescription& description, int square_px)
     (*charuco)->draw(inside, drawn);
     drawn.copyTo(board);
   }
-  return GrayImage(GrayView{picture.data, picture.cols, picture.rows, static_cast<int>(picture.step)});
+  return GrayImage(GrayView{image.data, image.cols, image.rows, static_cast<int>(image.step)});
 }
 
 }  // namespace cairn

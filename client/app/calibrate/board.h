@@ -23,13 +23,13 @@ struct BoardDescription {
   std::filesystem::path tags;         ///< kTags: as read_tag_plan()
 };
 
-/// Finds a board in pictures. Used by one thread at a time.
+/// Finds a board in images. Used by one thread at a time.
 class Board {
  public:
   virtual ~Board() = default;
-  /// The points of the board seen in a picture, with sub-pixel positions; nothing if it is not seen or too
+  /// The points of the board seen in an image, with sub-pixel positions; nothing if it is not seen or too
   /// little of it.
-  [[nodiscard]] virtual std::optional<BoardView> find(const GrayView& picture) const = 0;
+  [[nodiscard]] virtual std::optional<BoardView> find(const GrayView& image) const = 0;
   /// For a person.
   [[nodiscard]] virtual std::string describe() const = 0;
 };
@@ -38,8 +38,8 @@ class Board {
 /// tag file).
 [[nodiscard]] Result<std::unique_ptr<Board>> make_board(const BoardDescription& description);
 
-/// The board as a picture to print, `square_px` to a square, with a margin of one square; kUsage for tags,
-/// which have a picture already.
+/// The board as an image to print, `square_px` to a square, with a margin of one square; kUsage for tags,
+/// which have an image already.
 [[nodiscard]] Result<GrayImage> draw_board(const BoardDescription& description, int square_px);
 
 }  // namespace cairn

@@ -24,27 +24,27 @@ constexpr double kLookEverySeconds = 0.2;
 constexpr size_t kTrySolveEvery = 5;  ///< views kept, with a live camera
 constexpr size_t kFirstTry = 10;
 
-/// Pictures in, views out.
+/// Images in, views out.
 class Collector {
  public:
   Collector(const Board& board, CameraModel model, const Logger& log)
       : board_(board), model_(model), log_(log) {}
 
-  /// Looks at a picture unless the last one is too near in time.
+  /// Looks at an image unless the last one is too near in time.
   Status look(const Frame& frame) {
-    const PictureSize size{frame.image->width(), frame.image->height()};
+    const ImageSize size{frame.image->width(), frame.image->height()};
     if (!picker_) {
       size_ = size;
       picker_.emplace(size);
     }
     if (size != size_) {
       return fail(ErrorCode::kDamaged,
-                  fmt::format("picture {} is {}x{}, the ones before were {}x{}", frame.index, size.width,
+                  fmt::format("image {} is {}x{}, the ones before were {}x{}", frame.index, size.width,
                               size.height, size_.width, size_.height));
     }
     if (last_ && std::abs(seconds_between(frame.time, *last_)) < kLookEverySeconds) return {};
     last_ = frame.time;
-    ++report_.pictures;
+    ++report_.images;
     const auto view = board_.find(*frame.image);
     if (!view) return {};
     ++report_.found;
@@ -60,13 +60,13 @@ class Collector {
   [[nodiscard]] size_t views() const { return picker_ ? picker_->size() : 0; }
 
   Result<CalibrateReport> solve() {
-    if (report_.pictures == 0) return fail(ErrorCode::kDegenerate, "the source gave no picture");
+    if (report_.images == 0) return fail(ErrorCode::kDegenerate, "the source gave no image");
     if (views() < 3) {
       return fail(
           ErrorCode::kDegenerate,
-          fmt::format("{} pictures, {} with the {}, {} of them blurred: {} different sharp views, 3 are the "
+          fmt::format("{} images, {} with the {}, {} of them blurred: {} different sharp views, 3 are the "
                       "least; hold the whole board into the light and check that it is what was printed",
-                      report_.pictures, report_.found, board_.describe(), blurred_, views()));
+                      report_.images, report_.found, board_.describe(), blurred_, views()));
     }
     const auto views = picker_->views();
     auto calibration = calibrate(model_, size_, views);
@@ -80,7 +80,7 @@ class Collector {
   const Board& board_;
   CameraModel model_;
   Logger log_;
-  PictureSize size_;
+  ImageSize size_;
   std::optional<ViewPicker> picker_;
   std::optional<Timestamp> last_;
   int blurred_ = 0;
@@ -101,7 +101,7 @@ void tell(const CalibrateReport& report, const Logger& log) {
   const auto& values = report.calibration.parameters.values;
   const auto& sigma = report.calibration.sigma;
   const auto& verdict = report.verdict;
-  log->info("{} pictures, {} with the board, {} views count", report.pictures, report.found, verdict.views);
+  log->info("{} images, {} with the board, {} views count", report.images, report.found, verdict.views);
   log->info("camera: {}", describe_camera(report.calibration.parameters));
   log->info("fx {:.2f} +- {:.2f}  fy {:.2f} +- {:.2f}  cx {:.2f} +- {:.2f}  cy {:.2f} +- {:.2f}", values[0],
             sigma[0], values[1], sigma[1], values[2], sigma[2], values[3], sigma[3]);
@@ -110,7 +110,7 @@ void tell(const CalibrateReport& report, const Logger& log) {
       report.calibration.parameters.model == CameraModel::kPinholeRadtan ? "k1 k2 p1 p2" : "k1 k2 k3 k4",
       values[4], values[5], values[6], values[7]);
   log->info(
-      "rms {:.3f} px; focal length within {:.2f} %; {:.0f} % of the picture covered; tilts up to {:.0f} "
+      "rms {:.3f} px; focal length within {:.2f} %; {:.0f} % of the image covered; tilts up to {:.0f} "
       "degrees",
       report.calibration.rms, 100 * verdict.focal_sigma, 100 * verdict.coverage,
       verdict.largest_tilt * 180 / std::numbers::pi);
@@ -119,7 +119,7 @@ void tell(const CalibrateReport& report, const Logger& log) {
 std::string comment_of(const CalibrateReport& report, const CalibrateOptions& options, const Board& board) {
   const auto& sigma = report.calibration.sigma;
   return fmt::format(
-      "cairn-track calibrate, {} in {}\n{}: {} views, rms {:.3f} px, {:.0f} % of the picture covered\n"
+      "cairn-track calibrate, {} in {}\n{}: {} views, rms {:.3f} px, {:.0f} % of the image covered\n"
       "sigma of fx fy cx cy [px]: {:.3f} {:.3f} {:.3f} {:.3f}",
       board.describe(), options.source, name_of(report.verdict.grade), report.verdict.views,
       report.calibration.rms, 100 * report.verdict.coverage, sigma[0], sigma[1], sigma[2], sigma[3]);
@@ -140,10 +140,10 @@ int print_instead(const std::string& yaml, const Error& error, const Logger& log
 
 int draw(const CalibrateOptions& options, const Logger& log) {
   constexpr int kSquarePixels = 100;
-  const auto picture = draw_board(options.board, kSquarePixels);
-  if (!picture) return report_error(picture.error(), log);
-  const cv::Mat pixels(picture->height(), picture->width(), CV_8U, const_cast<uint8_t*>(picture->row(0)),
-                       static_cast<size_t>(picture->stride()));
+  const auto image = draw_board(options.board, kSquarePixels);
+  if (!image) return report_error(image.error(), log);
+  const cv::Mat pixels(image->height(), image->width(), CV_8U, const_cast<uint8_t*>(image->row(0)),
+                       static_cast<size_t>(image->stride()));
   std::vector<uint8_t> bytes;
   try {
     cv::imencode(options.draw->extension().string(), pixels, bytes);
@@ -166,7 +166,7 @@ Result<CalibrateReport> calibrate_from(FrameSource& source, const Board& board, 
   Collector collector(board, model, log);
   std::optional<Error> first_error;
   size_t next_try = kFirstTry;
-  bool any_picture = false;
+  bool any_image = false;
   while (!stop_requested()) {
     auto frame = source.next();
     if (!frame) {
@@ -175,11 +175,11 @@ Result<CalibrateReport> calibrate_from(FrameSource& source, const Board& board, 
       continue;
     }
     if (!*frame) break;
-    any_picture = true;
+    any_image = true;
     if (auto status = collector.look(**frame); !status) return tl::unexpected(status.error());
     if (source.is_live() && good_enough(collector, &next_try, log)) break;
   }
-  if (!any_picture && first_error) return tl::unexpected(*first_error);
+  if (!any_image && first_error) return tl::unexpected(*first_error);
   return collector.solve();
 }
 
@@ -200,8 +200,7 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   if (!source) return report_error(source.error(), log);
   tell_notes((**source).notes(), log);
   log->info("{}; looking for a {}", (*source)->describe(), (*board)->describe());
-  if ((*source)->is_live())
-    log->info("move the board through the whole picture, near and tilted; Ctrl-C ends");
+  if ((*source)->is_live()) log->info("move the board through the whole image, near and tilted; Ctrl-C ends");
   const auto report = calibrate_from(**source, **board, options.model, log, stop_requested);
   if (!report) {
     log->error("{}", report.error().message);

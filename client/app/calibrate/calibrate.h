@@ -33,14 +33,14 @@ struct CalibrateOptions {
 struct CalibrateReport {
   BoardCalibration calibration;
   Verdict verdict;
-  int pictures = 0;  ///< looked at
-  int found = 0;     ///< with the board
+  int images = 0;  ///< looked at
+  int found = 0;   ///< with the board
 };
 
-/// Looks for the board in the pictures of a source (five a second of its own time), picks views, calibrates
+/// Looks for the board in the images of a source (five a second of its own time), picks views, calibrates
 /// and judges. Ends at the source's end, when `stop_requested`, or with a live camera as soon as the result
 /// is good. Errors: kDegenerate (too few views; says what was seen), what the source gives first if it gives
-/// no picture at all, and kDamaged when pictures differ in size.
+/// no image at all, and kDamaged when images differ in size.
 [[nodiscard]] Result<CalibrateReport> calibrate_from(FrameSource& source, const Board& board,
                                                      CameraModel model, const Logger& log,
                                                      const std::function<bool()>& stop_requested);

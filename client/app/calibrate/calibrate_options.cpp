@@ -16,7 +16,7 @@ namespace {
 constexpr int kUsageExit = 2;
 constexpr const char* kDescription =
     "Calibrates a camera from a printed board and writes Kalibr yaml for --calibration.\n"
-    "Move the board through the whole picture, near and far, tilted to each side; hold it still for a "
+    "Move the board through the whole image, near and far, tilted to each side; hold it still for a "
     "moment.";
 constexpr const char* kFooter =
     "ChArUco boards: as --draw draws them (OpenCV 4.6 and later, upper left square black). With an even "
@@ -50,7 +50,7 @@ struct Words {
 
 void declare(CLI::App& app, Words& words) {
   auto& board = words.options.board;
-  app.add_option("--source", words.options.source, "where pictures come from, as for cairn-track")
+  app.add_option("--source", words.options.source, "where images come from, as for cairn-track")
       ->type_name("URI");
   app.add_option("--board", words.board, "chessboard, charuco, or tags on a plane")
       ->required()

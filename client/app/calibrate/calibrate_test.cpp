@@ -25,9 +25,9 @@ namespace {
 
 using testing::BoardPainter;
 using ::testing::HasSubstr;
+using testing::Images;
 using testing::kNever;
 using testing::make_or_fail;
-using testing::Pictures;
 
 constexpr unsigned kSeed = 21;
 
@@ -56,12 +56,12 @@ std::vector<GrayImagePtr> paint_views(const Case& tested, int count, double nois
   EXPECT_TRUE(drawn) << (drawn ? "" : drawn.error().message);
   const BoardPainter painter(camera, std::move(*drawn), kSquare, kSquare);
   std::mt19937 random(kSeed);
-  std::vector<GrayImagePtr> pictures;
-  pictures.reserve(static_cast<size_t>(count));
+  std::vector<GrayImagePtr> images;
+  images.reserve(static_cast<size_t>(count));
   for (int i = 0; i < count; ++i) {
-    pictures.push_back(painter.paint(testing::random_pose(*camera, 10, 7, 0.75, &random), noise, &random));
+    images.push_back(painter.paint(testing::random_pose(*camera, 10, 7, 0.75, &random), noise, &random));
   }
-  return pictures;
+  return images;
 }
 
 class RenderedBoards : public ::testing::TestWithParam<Case> {};
@@ -86,7 +86,7 @@ TEST_P(RenderedBoards, GiveTheCameraThatSawThem) {
   const Case& tested = GetParam();
   const auto board = make_board(description_of(tested.kind));
   ASSERT_TRUE(board) << board.error().message;
-  Pictures source(paint_views(tested, 30, 2.0));
+  Images source(paint_views(tested, 30, 2.0));
   const auto report = calibrate_from(source, **board, tested.truth.model, null_logger(), kNever);
   ASSERT_TRUE(report) << report.error().message;
   const auto& values = report->calibration.parameters.values;
@@ -114,23 +114,23 @@ TEST_P(RenderedBoards, GiveTheCameraThatSawThem) {
 GrayImage draw_older_charuco(const BoardDescription& description, int square_px) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
   const int marker_px = static_cast<int>(description.marker * square_px);
-  cv::Mat picture((description.rows + 2) * square_px, (description.columns + 2) * square_px, CV_8U,
-                  cv::Scalar(255));
+  cv::Mat image((description.rows + 2) * square_px, (description.columns + 2) * square_px, CV_8U,
+                cv::Scalar(255));
   int id = 0;
   for (int y = 0; y < description.rows; ++y) {
     for (int x = 0; x < description.columns; ++x) {
       const cv::Point corner((x + 1) * square_px, (y + 1) * square_px);
       if ((x + description.rows - 1 - y) % 2 == 0) {
-        picture(cv::Rect(corner, cv::Size(square_px, square_px))).setTo(0);
+        image(cv::Rect(corner, cv::Size(square_px, square_px))).setTo(0);
         continue;
       }
       cv::Mat marker;
       cv::aruco::drawMarker(dictionary, id++, marker_px, marker);
       const int gap = (square_px - marker_px) / 2;
-      marker.copyTo(picture(cv::Rect(corner + cv::Point(gap, gap), marker.size())));
+      marker.copyTo(image(cv::Rect(corner + cv::Point(gap, gap), marker.size())));
     }
   }
-  return GrayImage(GrayView{picture.data, picture.cols, picture.rows, static_cast<int>(picture.step)});
+  return GrayImage(GrayView{image.data, image.cols, image.rows, static_cast<int>(image.step)});
 }
 
 struct PrintedBoard {
@@ -218,22 +218,22 @@ TEST_P(FoundCorners, LieWhereTheyAreSeen) {
   EXPECT_LT(sum.norm() / corners, 0.03) << sum.transpose() / corners;
 }
 
-/// The command, with a folder of pictures of a board.
+/// The command, with a folder of images of a board.
 class CalibrateCommand : public ::testing::Test {
  protected:
   CalibrateCommand() {
-    const auto pictures = directory_.path() / "pictures";
-    std::filesystem::create_directory(pictures);
+    const auto images = directory_.path() / "images";
+    std::filesystem::create_directory(images);
     std::filesystem::create_directory(directory_.path() / "out");
     const Case tested{"",
                       BoardDescription::Kind::kCharuco,
                       {CameraModel::kPinholeRadtan, 640, 480, {520, 520, 320, 240, 0, 0, 0, 0}}};
-    for (const auto& picture : paint_views(tested, kPictures, 2)) {
-      const cv::Mat pixels(picture->height(), picture->width(), CV_8U, const_cast<uint8_t*>(picture->row(0)),
-                           static_cast<size_t>(picture->stride()));
-      cv::imwrite((pictures / (std::to_string(10 + written_++) + ".png")).string(), pixels);
+    for (const auto& image : paint_views(tested, kImages, 2)) {
+      const cv::Mat pixels(image->height(), image->width(), CV_8U, const_cast<uint8_t*>(image->row(0)),
+                           static_cast<size_t>(image->stride()));
+      cv::imwrite((images / (std::to_string(10 + written_++) + ".png")).string(), pixels);
     }
-    options_.source = "images:" + pictures.string() + "?fps=1";
+    options_.source = "images:" + images.string() + "?fps=1";
     options_.board = description_of(BoardDescription::Kind::kCharuco);
     options_.out = directory_.path() / "out" / "camera.yaml";
   }
@@ -247,7 +247,7 @@ class CalibrateCommand : public ::testing::Test {
     return {said.str(), code};
   }
 
-  static constexpr int kPictures = 12;
+  static constexpr int kImages = 12;
   TestDirectory directory_;
   CalibrateOptions options_;
 
@@ -264,7 +264,7 @@ TEST_F(CalibrateCommand, WritesWhatItFound) {
 TEST_F(CalibrateCommand, TellsAtOnceThatTheFileCannotBeWritten) {
   options_.out = directory_.path() / "nowhere" / "camera.yaml";
   int looks = 0;
-  const auto [said, code] = run([&] { return ++looks > kPictures; });
+  const auto [said, code] = run([&] { return ++looks > kImages; });
   EXPECT_EQ(code, 3);
   EXPECT_EQ(looks, 0);
   EXPECT_THAT(said, HasSubstr(options_.out.string() + ": cannot be written"));
@@ -284,7 +284,7 @@ TEST_F(CalibrateCommand, PrintsWhatItCannotWrite) {
   const auto folder = options_.out.parent_path();
   ::testing::internal::CaptureStdout();
   const auto [said, code] = run([&] {
-    if (++looks == kPictures) std::filesystem::remove_all(folder);
+    if (++looks == kImages) std::filesystem::remove_all(folder);
     return false;
   });
   const std::string printed = ::testing::internal::GetCapturedStdout();
@@ -302,16 +302,16 @@ TEST_F(CalibrateCommand, PrintsWhatItCannotWrite) {
 TEST(Calibrate, SaysWhatItSawWhenThereIsNoBoard) {
   const auto board = make_board(description_of(BoardDescription::Kind::kCharuco));
   ASSERT_TRUE(board);
-  Pictures source(std::vector<GrayImagePtr>(4, std::make_shared<GrayImage>(320, 240)));
+  Images source(std::vector<GrayImagePtr>(4, std::make_shared<GrayImage>(320, 240)));
   const auto report = calibrate_from(source, **board, CameraModel::kPinholeRadtan, null_logger(), kNever);
   ASSERT_FALSE(report);
   EXPECT_EQ(report.error().code, ErrorCode::kDegenerate);
-  EXPECT_THAT(report.error().message, HasSubstr("4 pictures, 0 with the ChArUco board of 10x7 squares"));
+  EXPECT_THAT(report.error().message, HasSubstr("4 images, 0 with the ChArUco board of 10x7 squares"));
 }
 
-TEST(Calibrate, PicturesOfTwoSizesAreRefused) {
+TEST(Calibrate, ImagesOfTwoSizesAreRefused) {
   const auto board = make_board(description_of(BoardDescription::Kind::kCharuco));
-  Pictures source({std::make_shared<GrayImage>(320, 240), std::make_shared<GrayImage>(240, 320)});
+  Images source({std::make_shared<GrayImage>(320, 240), std::make_shared<GrayImage>(240, 320)});
   const auto report = calibrate_from(source, **board, CameraModel::kPinholeRadtan, null_logger(), kNever);
   ASSERT_FALSE(report);
   EXPECT_EQ(report.error().code, ErrorCode::kDamaged);
@@ -349,21 +349,21 @@ TEST(EdgeWidth, GrowsWithBlur) {
   const Case tested{"",
                     BoardDescription::Kind::kChessboard,
                     {CameraModel::kPinholeRadtan, 640, 480, {520, 520, 320, 240, 0, 0, 0, 0}}};
-  // Of some views at random places of the picture, one that shows the whole board.
+  // Of some views at random places of the image, one that shows the whole board.
   const auto board = make_board(description_of(tested.kind));
-  GrayImagePtr picture;
+  GrayImagePtr image;
   std::optional<BoardView> view;
   for (const GrayImagePtr& painted : paint_views(tested, 10, 0)) {
-    picture = painted;
-    view = (*board)->find(*picture);
+    image = painted;
+    view = (*board)->find(*image);
     if (view) break;
   }
   ASSERT_TRUE(view);
-  double last = edge_width(*picture, *view);
+  double last = edge_width(*image, *view);
   EXPECT_LT(last, 4);
   for (const double sigma : {1.0, 2.0, 4.0}) {
-    const cv::Mat sharp(picture->height(), picture->width(), CV_8U, const_cast<uint8_t*>(picture->row(0)),
-                        static_cast<size_t>(picture->stride()));
+    const cv::Mat sharp(image->height(), image->width(), CV_8U, const_cast<uint8_t*>(image->row(0)),
+                        static_cast<size_t>(image->stride()));
     cv::Mat blurred;
     cv::GaussianBlur(sharp, blurred, {}, sigma);
     const double width =

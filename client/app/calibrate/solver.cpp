@@ -38,7 +38,7 @@ struct NormalEquations {
 
 class Problem {
  public:
-  Problem(CameraModel model, PictureSize size, const std::vector<BoardView>& views)
+  Problem(CameraModel model, ImageSize size, const std::vector<BoardView>& views)
       : model_(model), size_(size), views_(views) {
     for (const auto& view : views) inliers_.emplace_back(view.size(), true);
   }
@@ -107,7 +107,7 @@ class Problem {
     const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
     constexpr double kRayleighMedian = 1.1774;  // of the distance, in sigmas of a coordinate
-    constexpr double kSmallest = 0.05;          // [px]: what perfect pictures leave is no outlier
+    constexpr double kSmallest = 0.05;          // [px]: what perfect images leave is no outlier
     const double limit = std::max(kSmallest, 4.5 * *middle / kRayleighMedian);
     std::vector<size_t> left(views_.size(), 0);
     for_each_residual(*state, [&](size_t v, size_t i, const Eigen::Vector2d& r) {
@@ -264,14 +264,14 @@ class Problem {
   }
 
   CameraModel model_;
-  PictureSize size_;
+  ImageSize size_;
   const std::vector<BoardView>& views_;
   std::vector<std::vector<bool>> inliers_;
 };
 
 }  // namespace
 
-Result<BoardCalibration> calibrate(CameraModel model, PictureSize size, const std::vector<BoardView>& views) {
+Result<BoardCalibration> calibrate(CameraModel model, ImageSize size, const std::vector<BoardView>& views) {
   if (model != CameraModel::kPinholeRadtan && model != CameraModel::kKannalaBrandt) {
     return fail(ErrorCode::kUsage, "calibrates pinhole-radtan and kb4, not " + std::string(name_of(model)));
   }

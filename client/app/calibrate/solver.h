@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What one picture shows of a plane board: points of the board [any unit, z = 0] and the pixels where they
+/// What one image shows of a plane board: points of the board [any unit, z = 0] and the pixels where they
 /// are seen.
 struct BoardView {
   std::vector<Eigen::Vector3d> on_board;
@@ -37,7 +37,7 @@ struct BoardCalibration {
 /// over all poses and the camera, the poses eliminated; points off by more than 4.5 robust sigmas and views
 /// off as a whole are left out, once. Pure, deterministic. Errors: kUsage (a model that it does not
 /// calibrate), kDegenerate (fewer than 3 views, or they do not determine the camera).
-[[nodiscard]] Result<BoardCalibration> calibrate(CameraModel model, PictureSize size,
+[[nodiscard]] Result<BoardCalibration> calibrate(CameraModel model, ImageSize size,
                                                  const std::vector<BoardView>& views);
 
 }  // namespace cairn

@@ -14,13 +14,13 @@ namespace {
 using testing::make_or_fail;
 
 constexpr unsigned kSeed = 11;
-constexpr PictureSize kSize{640, 480};
+constexpr ImageSize kSize{640, 480};
 const CameraParameters kRadtan{
     CameraModel::kPinholeRadtan, 640, 480, {520, 523, 314, 246, -0.21, 0.06, 8e-4, -5e-4}};
 const CameraParameters kKb4{
     CameraModel::kKannalaBrandt, 640, 480, {240, 241, 322, 237, 0.03, -0.012, 0.006, -0.001}};
 
-/// Points of a 9x6 grid seen with noise; those outside the picture are left out.
+/// Points of a 9x6 grid seen with noise; those outside the image are left out.
 std::vector<BoardView> make_views(const Camera& camera, size_t count, double sigma, double max_tilt,
                                   std::mt19937* random) {
   std::normal_distribution<double> noise(0, sigma);

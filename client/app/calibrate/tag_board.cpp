@@ -51,14 +51,14 @@ TagBoard::TagBoard(const std::string& name, TagPlan plan, cv::Ptr<cv::aruco::Dic
       plan_(std::move(plan)),
       dictionary_(std::move(dictionary)) {}
 
-std::optional<BoardView> TagBoard::find(const GrayView& picture) const {
-  auto view = find(picture, plan_.border);
-  return view ? view : find(picture, 3 - plan_.border);
+std::optional<BoardView> TagBoard::find(const GrayView& image) const {
+  auto view = find(image, plan_.border);
+  return view ? view : find(image, 3 - plan_.border);
 }
 
-std::optional<BoardView> TagBoard::find(const GrayView& picture, int border) const {
-  const cv::Mat pixels(picture.height, picture.width, CV_8U, const_cast<uint8_t*>(picture.data),
-                       static_cast<size_t>(picture.stride));
+std::optional<BoardView> TagBoard::find(const GrayView& image, int border) const {
+  const cv::Mat pixels(image.height, image.width, CV_8U, const_cast<uint8_t*>(image.data),
+                       static_cast<size_t>(image.stride));
   const auto parameters = cv::aruco::DetectorParameters::create();
   parameters->markerBorderBits = border;
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;  // refine_tag_corners() does it
@@ -71,7 +71,7 @@ std::optional<BoardView> TagBoard::find(const GrayView& picture, int border) con
     if (tag == plan_.tags.end()) continue;
     TagCorners seen;
     for (size_t k = 0; k < kCorners; ++k) seen[k] = {found[i][k].x, found[i][k].y};
-    const auto corners = refine_tag_corners(picture, seen, dictionary_->markerSize + 2 * border);
+    const auto corners = refine_tag_corners(image, seen, dictionary_->markerSize + 2 * border);
     if (!corners) continue;
     view.on_board.insert(view.on_board.end(), tag->second.begin(), tag->second.end());
     view.pixels.insert(view.pixels.end(), corners->begin(), corners->end());

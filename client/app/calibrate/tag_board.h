@@ -15,12 +15,12 @@ class TagBoard final : public Board {
  public:
   /// `name`: of the plan, for describe().
   TagBoard(const std::string& name, TagPlan plan, cv::Ptr<cv::aruco::Dictionary> dictionary);
-  [[nodiscard]] std::optional<BoardView> find(const GrayView& picture) const override;
+  [[nodiscard]] std::optional<BoardView> find(const GrayView& image) const override;
   [[nodiscard]] std::string describe() const override { return description_; }
 
  private:
   /// With a border of so many bits.
-  [[nodiscard]] std::optional<BoardView> find(const GrayView& picture, int border) const;
+  [[nodiscard]] std::optional<BoardView> find(const GrayView& image, int border) const;
 
   std::string description_;
   TagPlan plan_;
@@ -28,7 +28,7 @@ class TagBoard final : public Board {
 };
 
 /// The view as it must be if the corners of each tag begin at another one: programs draw a family's tags
-/// turned. `view`: four corners a tag. Of the four beginnings, the one that makes a plane's picture of it.
+/// turned. `view`: four corners a tag. Of the four beginnings, the one that makes a plane's image of it.
 [[nodiscard]] BoardView turn_tags(BoardView view);
 
 }  // namespace cairn

@@ -25,9 +25,9 @@ namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::Images;
 using testing::kNever;
 using testing::make_or_fail;
-using testing::Pictures;
 
 constexpr int kColumns = 6;
 constexpr int kRows = 4;
@@ -47,16 +47,16 @@ struct PrintedTags {
   int border = 1;        ///< [bits]
   bool squares = false;  ///< black ones between the tags, corner to corner
   int turn = 0;          ///< of each tag where it stands [quarters]
-  double blur = 0;       ///< of the pictures [px]
+  double blur = 0;       ///< of the images [px]
 };
 
 void PrintTo(const PrintedTags& tested, std::ostream* out) {
   *out << tested.name;
 }
 
-/// Its picture; a tag's side is one unit, and the upper left corner of the upper left tag at (0, 0).
+/// Its image; a tag's side is one unit, and the upper left corner of the upper left tag at (0, 0).
 struct Drawing {
-  GrayImage picture;
+  GrayImage image;
   int side = 0;    ///< [px]
   int margin = 0;  ///< [px]
 };
@@ -90,22 +90,22 @@ std::vector<GrayImagePtr> paint(const PrintedTags& printed, int count) {
   constexpr double kTilt = 0.7;
   const auto camera = make_or_fail(kTruth);
   auto drawing = draw(printed);
-  const testing::BoardPainter painter(camera, std::move(drawing.picture), drawing.side, drawing.margin);
+  const testing::BoardPainter painter(camera, std::move(drawing.image), drawing.side, drawing.margin);
   std::mt19937 random(kSeed);
-  std::vector<GrayImagePtr> pictures;
+  std::vector<GrayImagePtr> images;
   for (int i = 0; i < count; ++i) {
     const SE3 pose = testing::random_pose(*camera, kColumns * (1 + kSpacing) - kSpacing,
                                           kRows * (1 + kSpacing) - kSpacing, kTilt, &random);
     const double noise = printed.blur > 0 ? 0 : kNoise;
-    auto picture = std::make_shared<GrayImage>(painter.paint(pose, noise, &random)->view());
+    auto image = std::make_shared<GrayImage>(painter.paint(pose, noise, &random)->view());
     if (printed.blur > 0) {
-      cv::Mat pixels(picture->height(), picture->width(), CV_8U, picture->row(0),
-                     static_cast<size_t>(picture->stride()));
+      cv::Mat pixels(image->height(), image->width(), CV_8U, image->row(0),
+                     static_cast<size_t>(image->stride()));
       cv::GaussianBlur(pixels, pixels, {}, printed.blur);
     }
-    pictures.push_back(std::move(picture));
+    images.push_back(std::move(image));
   }
-  return pictures;
+  return images;
 }
 
 class TagFiles : public ::testing::Test {
@@ -180,12 +180,12 @@ INSTANTIATE_TEST_SUITE_P(All, RenderedTags,
 /// By Kalibr's yaml and by a list of corners alike, whatever the border.
 TEST_P(RenderedTags, GiveTheCameraThatSawThem) {
   constexpr int kViews = 14;
-  const auto pictures = paint(GetParam(), kViews);
+  const auto images = paint(GetParam(), kViews);
   const auto yaml = write("april.yaml", kAprilgrid);
   for (const auto& file : {yaml, write_corners(read_tag_plan(yaml).value())}) {
     const auto board = make_board(described(file));
     ASSERT_TRUE(board) << board.error().message;
-    Pictures source(pictures);
+    Images source(images);
     const auto report = calibrate_from(source, **board, kTruth.model, null_logger(), kNever);
     ASSERT_TRUE(report) << report.error().message;
     EXPECT_LT(report->calibration.rms, GetParam().blur > 0 ? 0.2 : 0.1);
@@ -200,12 +200,12 @@ TEST_P(RenderedTags, GiveTheCameraThatSawThem) {
 class TagsOfOpenCv final : public Board {
  public:
   TagsOfOpenCv(TagPlan plan, int refinement) : plan_(std::move(plan)), refinement_(refinement) {}
-  std::optional<BoardView> find(const GrayView& picture) const override {
+  std::optional<BoardView> find(const GrayView& image) const override {
     const auto parameters = cv::aruco::DetectorParameters::create();
     parameters->markerBorderBits = plan_.border;
     parameters->cornerRefinementMethod = refinement_;
-    const cv::Mat pixels(picture.height, picture.width, CV_8U, const_cast<uint8_t*>(picture.data),
-                         static_cast<size_t>(picture.stride));
+    const cv::Mat pixels(image.height, image.width, CV_8U, const_cast<uint8_t*>(image.data),
+                         static_cast<size_t>(image.stride));
     std::vector<std::vector<cv::Point2f>> found;
     std::vector<int> ids;
     cv::aruco::detectMarkers(pixels, dictionary(), found, ids, parameters);
@@ -227,8 +227,8 @@ class TagsOfOpenCv final : public Board {
 };
 
 /// rms [px]; infinite where there is no calibration.
-double rms_of(const Board& board, const std::vector<GrayImagePtr>& pictures) {
-  Pictures source(pictures);
+double rms_of(const Board& board, const std::vector<GrayImagePtr>& images) {
+  Images source(images);
   const auto report = calibrate_from(source, board, CameraModel::kPinholeRadtan, null_logger(), kNever);
   return report ? report->calibration.rms : std::numeric_limits<double>::infinity();
 }
@@ -237,13 +237,12 @@ double rms_of(const Board& board, const std::vector<GrayImagePtr>& pictures) {
 using RmsByCorners = std::array<double, 5>;
 
 /// Prints a row of the README's table.
-RmsByCorners measure(const std::string& name, const TagPlan& plan,
-                     const std::vector<GrayImagePtr>& pictures) {
-  RmsByCorners rms = {rms_of(TagBoard(name, plan, dictionary()), pictures)};
+RmsByCorners measure(const std::string& name, const TagPlan& plan, const std::vector<GrayImagePtr>& images) {
+  RmsByCorners rms = {rms_of(TagBoard(name, plan, dictionary()), images)};
   size_t next = 1;
   for (const int refinement : {cv::aruco::CORNER_REFINE_APRILTAG, cv::aruco::CORNER_REFINE_SUBPIX,
                                cv::aruco::CORNER_REFINE_CONTOUR, cv::aruco::CORNER_REFINE_NONE})
-    rms[next++] = rms_of(TagsOfOpenCv(plan, refinement), pictures);
+    rms[next++] = rms_of(TagsOfOpenCv(plan, refinement), images);
   std::printf("| %s |", name.c_str());
   for (const double value : rms) std::printf(" %.2f |", value);
   std::printf("\n");
@@ -276,12 +275,12 @@ TEST_F(TagFiles, OurCornersAreBetterThanAnyOfOpenCvsOnPaper) {
   ASSERT_TRUE(plan) << plan.error().message;
   auto source = open_source("tum:" + folder.string());
   ASSERT_TRUE(source) << source.error().message;
-  std::vector<GrayImagePtr> pictures;
+  std::vector<GrayImagePtr> images;
   constexpr size_t kEvery = 4;
   for (auto frame = (*source)->next(); frame && *frame; frame = (*source)->next()) {
-    if ((*frame)->index % kEvery == 0) pictures.push_back((*frame)->image);
+    if ((*frame)->index % kEvery == 0) images.push_back((*frame)->image);
   }
-  const auto rms = measure("prague-board-a, every fourth picture", *plan, pictures);
+  const auto rms = measure("prague-board-a, every fourth image", *plan, images);
   EXPECT_EQ(std::min_element(rms.begin(), rms.end()), rms.begin());
 }
 

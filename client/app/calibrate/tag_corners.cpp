@@ -24,24 +24,24 @@ struct Crossing {
   double across = 0;  ///< [px] outwards from the chord
 };
 
-std::optional<double> brightness(const GrayView& picture, const Eigen::Vector2d& at) {
+std::optional<double> brightness(const GrayView& image, const Eigen::Vector2d& at) {
   const auto x = static_cast<int>(std::floor(at.x()));
   const auto y = static_cast<int>(std::floor(at.y()));
-  if (x < 0 || y < 0 || x + 1 >= picture.width || y + 1 >= picture.height) return std::nullopt;
+  if (x < 0 || y < 0 || x + 1 >= image.width || y + 1 >= image.height) return std::nullopt;
   const double fx = at.x() - x;
   const double fy = at.y() - y;
-  const uint8_t* upper = picture.row(y) + x;
-  const uint8_t* lower = picture.row(y + 1) + x;
+  const uint8_t* upper = image.row(y) + x;
+  const uint8_t* lower = image.row(y + 1) + x;
   return (1 - fy) * ((1 - fx) * upper[0] + fx * upper[1]) + fy * ((1 - fx) * lower[0] + fx * lower[1]);
 }
 
 /// The centroid of the strongest rise of brightness: unlike its peak it does not favour whole pixels.
-std::optional<double> find_edge(const GrayView& picture, const Eigen::Vector2d& from,
+std::optional<double> find_edge(const GrayView& image, const Eigen::Vector2d& from,
                                 const Eigen::Vector2d& outward, double reach, double half_width) {
   const int ends = static_cast<int>(std::ceil((reach + half_width) / kStep)) + 1;
   std::vector<double> values;
   for (int i = -ends; i <= ends; ++i) {
-    const auto value = brightness(picture, from + i * kStep * outward);
+    const auto value = brightness(image, from + i * kStep * outward);
     if (!value) return std::nullopt;
     values.push_back(*value);
   }
@@ -107,7 +107,7 @@ std::optional<Eigen::Vector2d> fit(const std::vector<Crossing>& crossings, int d
 }
 
 /// How far outwards of its chord the side lies at both ends [px].
-std::optional<Eigen::Vector2d> fit_side(const GrayView& picture, const Eigen::Vector2d& begin,
+std::optional<Eigen::Vector2d> fit_side(const GrayView& image, const Eigen::Vector2d& begin,
                                         const Eigen::Vector2d& end, const Eigen::Vector2d& outward,
                                         double reach, double half_width, int degree) {
   constexpr int kFewestProfiles = 6;
@@ -117,14 +117,14 @@ std::optional<Eigen::Vector2d> fit_side(const GrayView& picture, const Eigen::Ve
   for (int i = 0; i < profiles; ++i) {
     const double along = kInset + (1 - 2 * kInset) * i / (profiles - 1);
     const Eigen::Vector2d from = begin + along * (end - begin);
-    if (const auto edge = find_edge(picture, from, outward, reach, half_width))
+    if (const auto edge = find_edge(image, from, outward, reach, half_width))
       crossings.push_back({along, *edge});
   }
   return fit(crossings, degree, static_cast<size_t>(std::max(degree + 2, profiles / 2)));
 }
 
 /// One pass; false where a side is not seen.
-bool improve(const GrayView& picture, double reach, double half_width, int degree, TagCorners* corners) {
+bool improve(const GrayView& image, double reach, double half_width, int degree, TagCorners* corners) {
   const Eigen::Vector2d centre = ((*corners)[0] + (*corners)[1] + (*corners)[2] + (*corners)[3]) / 4;
   std::array<Eigen::Vector2d, 4> outward;
   std::array<Eigen::Vector2d, 4> off;
@@ -134,7 +134,7 @@ bool improve(const GrayView& picture, double reach, double half_width, int degre
     const Eigen::Vector2d along = (end - begin).normalized();
     outward[k] = {along.y(), -along.x()};
     if (outward[k].dot(centre - begin) > 0) outward[k] = -outward[k];
-    const auto found = fit_side(picture, begin, end, outward[k], reach, half_width, degree);
+    const auto found = fit_side(image, begin, end, outward[k], reach, half_width, degree);
     if (!found) return false;
     off[k] = *found;
   }
@@ -157,15 +157,14 @@ double shortest_side(const TagCorners& corners) {
 
 }  // namespace
 
-std::optional<TagCorners> refine_tag_corners(const GrayView& picture, const TagCorners& corners,
-                                             int modules) {
+std::optional<TagCorners> refine_tag_corners(const GrayView& image, const TagCorners& corners, int modules) {
   TagCorners refined = corners;
   for (size_t pass = 0; pass < kMostReach.size(); ++pass) {
     const double module = shortest_side(refined) / modules;
     const double reach = std::min(kMostReach[pass], module);
     const double half_width = std::min(kMostHalfWidth, module);
     const int degree = pass == 0 ? 1 : 2;  // where the side is not known yet, its bend is noise
-    if (!improve(picture, reach, half_width, degree, &refined)) return std::nullopt;
+    if (!improve(image, reach, half_width, degree, &refined)) return std::nullopt;
   }
   return refined;
 }

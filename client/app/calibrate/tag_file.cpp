@@ -50,7 +50,7 @@ Result<TagPlan> parse_corners(const std::filesystem::path& path, const std::stri
   return plan;
 }
 
-/// Kalibr's rows go up from the lower left; here y goes down, as in the picture.
+/// Kalibr's rows go up from the lower left; here y goes down, as in the image.
 TagPlan lay_grid(int columns, int rows, double size, double spacing) {
   TagPlan plan;
   plan.border = 2;

@@ -20,21 +20,21 @@ namespace cairn::testing {
 
 inline const auto kNever = [] { return false; };
 
-/// Pictures of a vector, one a second.
-class Pictures final : public FrameSource {
+/// Images of a vector, one a second.
+class Images final : public FrameSource {
  public:
-  explicit Pictures(std::vector<GrayImagePtr> pictures) : pictures_(std::move(pictures)) {}
+  explicit Images(std::vector<GrayImagePtr> images) : images_(std::move(images)) {}
   Result<std::optional<Frame>> next() override {
-    if (next_ == pictures_.size()) return std::nullopt;
-    const Frame frame{next_, {static_cast<int64_t>(next_) * 1'000'000'000}, pictures_[next_]};
+    if (next_ == images_.size()) return std::nullopt;
+    const Frame frame{next_, {static_cast<int64_t>(next_) * 1'000'000'000}, images_[next_]};
     ++next_;
     return frame;
   }
-  std::optional<size_t> frame_count() const override { return pictures_.size(); }
-  std::string describe() const override { return "pictures"; }
+  std::optional<size_t> frame_count() const override { return images_.size(); }
+  std::string describe() const override { return "images"; }
 
  private:
-  std::vector<GrayImagePtr> pictures_;
+  std::vector<GrayImagePtr> images_;
   size_t next_ = 0;
 };
 
@@ -44,7 +44,7 @@ inline CameraPtr make_or_fail(const CameraParameters& parameters) {
   return *camera;
 }
 
-/// A board of `width` x `height` whose middle is seen at a random place of the picture, tilted up to
+/// A board of `width` x `height` whose middle is seen at a random place of the image, tilted up to
 /// `max_tilt` [rad].
 inline SE3 random_pose(const Camera& camera, double width, double height, double max_tilt,
                        std::mt19937* random) {
@@ -61,7 +61,7 @@ inline SE3 random_pose(const Camera& camera, double width, double height, double
   return {rotation, centre - rotation * Eigen::Vector3d(0.5 * width, 0.5 * height, 0)};
 }
 
-/// Renders a plane picture seen by a camera; `board_px` pixels of it make one unit, its pixel `origin` lies
+/// Renders a plane image seen by a camera; `board_px` pixels of it make one unit, its pixel `origin` lies
 /// at (0, 0).
 class BoardPainter {
  public:
@@ -81,18 +81,18 @@ class BoardPainter {
     const SE3 board_from_camera = camera_from_board.inverse();
     const Eigen::Matrix3f rotation = board_from_camera.rotation_matrix().cast<float>();
     const Eigen::Vector3f eye = board_from_camera.translation().cast<float>();
-    auto picture = std::make_shared<GrayImage>(camera_->width(), camera_->height());
+    auto image = std::make_shared<GrayImage>(camera_->width(), camera_->height());
     std::normal_distribution<float> grain(0, static_cast<float>(noise));
     const Eigen::Vector3f* ray = rays_.data();
-    for (int y = 0; y < picture->height(); ++y) {
-      for (int x = 0; x < picture->width(); ++x) {
+    for (int y = 0; y < image->height(); ++y) {
+      for (int x = 0; x < image->width(); ++x) {
         float sum = 0;
         for (int s = 0; s < kSamples * kSamples; ++s) sum += brightness(eye, rotation * *ray++);
         const float value = sum / (kSamples * kSamples) + grain(*random);
-        picture->row(y)[x] = static_cast<uint8_t>(std::lround(std::clamp(value, 0.0F, 255.0F)));
+        image->row(y)[x] = static_cast<uint8_t>(std::lround(std::clamp(value, 0.0F, 255.0F)));
       }
     }
-    return picture;
+    return image;
   }
 
  private:

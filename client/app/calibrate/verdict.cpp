@@ -13,7 +13,7 @@ constexpr int kColumns = 6;
 constexpr int kRows = 4;
 
 struct Limits {
-  double rms;  ///< in picture widths
+  double rms;  ///< in image widths
   double focal_sigma;
   double coverage;
   int views;
@@ -38,7 +38,7 @@ Cells covered_cells(const BoardCalibration& calibration, const std::vector<Board
   return cells;
 }
 
-/// "upper left, right": the sixths of the picture, three across and two down, half of whose cells or more
+/// "upper left, right": the sixths of the image, three across and two down, half of whose cells or more
 /// were never seen.
 std::string missing_places(const Cells& cells) {
   constexpr std::array<const char*, 3> kAcross = {"left", "middle", "right"};
@@ -72,7 +72,7 @@ std::vector<std::string> advice_for(const Verdict& verdict, double rms, const Ce
   if (verdict.coverage < kGoodLimits.coverage) {
     const auto places = missing_places(cells);
     advice.push_back("take more views with the board " +
-                     (places.empty() ? "at the rim of the picture" : "in the " + places + " of the picture"));
+                     (places.empty() ? "at the rim of the image" : "in the " + places + " of the image"));
   }
   constexpr double kTilt = 25 * std::numbers::pi / 180;
   if (verdict.focal_sigma > kGoodLimits.focal_sigma || verdict.largest_tilt < kTilt) {

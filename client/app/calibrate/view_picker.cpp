@@ -30,26 +30,26 @@ double quantile(const std::vector<size_t>& histogram, double fraction) {
 
 }  // namespace
 
-double edge_width(const GrayView& picture, const BoardView& view) {
+double edge_width(const GrayView& image, const BoardView& view) {
   Eigen::AlignedBox2d box;
   for (const auto& pixel : view.pixels) box.extend(pixel);
   const int x0 = std::max(1, static_cast<int>(box.min().x()));
   const int y0 = std::max(1, static_cast<int>(box.min().y()));
-  const int x1 = std::min(picture.width - 2, static_cast<int>(box.max().x()));
-  const int y1 = std::min(picture.height - 2, static_cast<int>(box.max().y()));
+  const int x1 = std::min(image.width - 2, static_cast<int>(box.max().x()));
+  const int y1 = std::min(image.height - 2, static_cast<int>(box.max().y()));
   std::vector<size_t> levels(256, 0);
   std::vector<size_t> slopes(512, 0);
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
-      ++levels[picture.at(x, y)];
-      const int dx = picture.at(x + 1, y) - picture.at(x - 1, y);
-      const int dy = picture.at(x, y + 1) - picture.at(x, y - 1);
+      ++levels[image.at(x, y)];
+      const int dx = image.at(x + 1, y) - image.at(x - 1, y);
+      const int dy = image.at(x, y + 1) - image.at(x, y - 1);
       ++slopes[static_cast<size_t>(std::hypot(dx, dy))];
     }
   }
   const double contrast = quantile(levels, 0.95) - quantile(levels, 0.05);
   const double steepest = 0.5 * quantile(slopes, 0.99);
-  return steepest > 0 ? contrast / steepest : static_cast<double>(picture.width);
+  return steepest > 0 ? contrast / steepest : static_cast<double>(image.width);
 }
 
 std::optional<ViewPicker::Aspect> ViewPicker::aspect_of(const BoardView& view) const {
@@ -67,7 +67,7 @@ std::optional<ViewPicker::Aspect> ViewPicker::aspect_of(const BoardView& view) c
   auto h = board_homography(view.on_board, pixels);
   if (!h) return std::nullopt;
   const Eigen::Vector3d at = *h * board_centre.homogeneous();
-  // Pixels by board there, and how the depth's logarithm changes over the picture: its slope is the tilt.
+  // Pixels by board there, and how the depth's logarithm changes over the image: its slope is the tilt.
   const Eigen::Vector2d image = at.head<2>() / at.z();
   const Eigen::Matrix2d affine = (h->topLeftCorner<2, 2>() - image * h->bottomLeftCorner<1, 2>()) / at.z();
   const Eigen::Vector2d depth_by_board = h->bottomLeftCorner<1, 2>().transpose() / at.z();

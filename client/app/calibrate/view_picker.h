@@ -10,14 +10,14 @@
 
 namespace cairn {
 
-/// Width of the edges on the board [px]: contrast over steepest slope. 2 for a perfectly sharp picture; grows
+/// Width of the edges on the board [px]: contrast over steepest slope. 2 for a perfectly sharp image; grows
 /// with blur by motion or defocus.
-[[nodiscard]] double edge_width(const GrayView& picture, const BoardView& view);
+[[nodiscard]] double edge_width(const GrayView& image, const BoardView& view);
 
 /// Keeps the views of a board that are sharp and differ from each other; of two alike, the sharper one.
 class ViewPicker {
  public:
-  explicit ViewPicker(PictureSize size) : size_(size) {}
+  explicit ViewPicker(ImageSize size) : size_(size) {}
 
   enum class Outcome {
     kKept,
@@ -32,7 +32,7 @@ class ViewPicker {
   [[nodiscard]] size_t size() const { return kept_.size(); }
 
  private:
-  /// Where the board is seen, how large, and how tilted to either side; 1 is a good part of a picture.
+  /// Where the board is seen, how large, and how tilted to either side; 1 is a good part of an image.
   using Aspect = std::array<double, 5>;
   struct Kept {
     BoardView view;
@@ -41,7 +41,7 @@ class ViewPicker {
   };
   [[nodiscard]] std::optional<Aspect> aspect_of(const BoardView& view) const;
 
-  PictureSize size_;
+  ImageSize size_;
   std::vector<Kept> kept_;
 };
 

@@ -252,7 +252,7 @@ int run(int argc, char** argv) {
   summary->footer(kStatsFooter);
   app.add_subcommand(
       "reloc",
-      "which of the maps of many recordings shows a picture, and from where (of a build with the "
+      "which of the maps of many recordings shows an image, and from where (of a build with the "
       "tests)");
   if (argc > 1 && argv[1] == std::string_view("reloc")) return report_status(run_reloc(argv + 1));
   try {

@@ -136,15 +136,15 @@ void ViewerControls::switch_camera(MonotonicTime now) {
       now);
 }
 
-void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now) {
+void ViewerControls::touch(cv::Point point, cv::Size image, int scale, MonotonicTime now) {
   if (typing_) {
-    const auto keys = lay_out_keyboard(picture, typing_->entry.shifted());
+    const auto keys = lay_out_keyboard(image, typing_->entry.shifted());
     if (const auto stroke = stroke_at(keys, point)) type(*stroke, now);
     return;
   }
   if (std::exchange(help_shown_, false) || !frame_) return;
   if (!wanted_.empty())
-    return say("the picture of " + wanted_ + ": labels are put in this camera's, o goes on", now);
+    return say("the image of " + wanted_ + ": labels are put in this camera's, o goes on", now);
   const cv::Size area(camera_->width() * scale, camera_->height() * scale);
   if (!cv::Rect({0, 0}, area).contains(point)) return;
   const auto boxes = lay_out_labels(labels_in_view(*frame_, camera()), area, scale, painter_);

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "client/app/images/image_choice.h"
 #include "client/app/overlay.h"
-#include "client/app/pictures/picture_choice.h"
 #include "client/app/text_painter.h"
 #include "client/app/viewer/text_entry.h"
 #include "client/session/session.h"
@@ -45,9 +45,9 @@ class ViewerControls {
   void show(OverlayFrame frame);
   /// A code of OpenCV's waitKeyEx().
   void press(int key_code, MonotonicTime now);
-  /// At a place of the window's picture of this size, whose upper part shows the camera's picture enlarged
+  /// At a place of the window's image of this size, whose upper part shows the camera's image enlarged
   /// `scale` times.
-  void touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now);
+  void touch(cv::Point point, cv::Size image, int scale, MonotonicTime now);
   void replied(const RequestReply& reply, MonotonicTime now);
   /// Names of the wearer's other cameras, and what has come of the one that is wanted. A frozen view stays.
   void show_others(std::vector<std::string> cameras, OtherView view);
@@ -63,7 +63,7 @@ class ViewerControls {
   }
   /// Another camera of the wearer's is shown, and this one small; else its name is empty.
   [[nodiscard]] const OtherView& other() const { return other_; }
-  /// Name of the camera whose picture is wanted; empty: none.
+  /// Name of the camera whose image is wanted; empty: none.
   [[nodiscard]] const std::string& wanted() const { return wanted_; }
   [[nodiscard]] bool frozen() const { return frozen_; }
   [[nodiscard]] bool points_shown() const { return points_shown_; }

@@ -50,12 +50,12 @@ class ControlsTest : public ::testing::Test {
     labels_ = std::make_shared<const std::vector<Label>>(std::vector{label});
     controls_.show(frame(2));
   }
-  void touch(int x, int y) { controls_.touch({x, y}, kPicture, 1, now_); }
+  void touch(int x, int y) { controls_.touch({x, y}, kImage, 1, now_); }
   void press(const std::string& keys) {
     for (const char key : keys) controls_.press(key, now_);
   }
 
-  const cv::Size kPicture{640, 524};
+  const cv::Size kImage{640, 524};
   CameraPtr camera_ = test_camera();
   SE3 camera_from_map_ = SE3::exp((Vector6d() << -0.3, 0.1, 0.2, 0.1, -0.2, 0.3).finished());
   TestMap map_{*camera_, camera_from_map_};
@@ -112,7 +112,7 @@ TEST_F(ControlsTest, OneKeyStopsTheRigWhateverIsTyped) {
   options.has_rig = true;
   ViewerControls of_rig(camera_, options);
   of_rig.show(frame(1));
-  of_rig.touch({200 + 4 * 32, 120 + 3 * 32}, kPicture, 1, now_);
+  of_rig.touch({200 + 4 * 32, 120 + 3 * 32}, kImage, 1, now_);
   ASSERT_NE(of_rig.entry(), nullptr);
   of_rig.press(' ', now_);
   EXPECT_FALSE(of_rig.take_wishes().rig) << "a letter";
@@ -140,7 +140,7 @@ TEST_F(ControlsTest, KeysAreLettersWhileATextIsTyped) {
 TEST_F(ControlsTest, TheDrawnKeyboardTakesTouchesWhileATextIsTyped) {
   touch(328, 216);
   for (const char* cap : {"v", "i", "OK"}) {
-    for (const DrawnKey& key : lay_out_keyboard(kPicture, false)) {
+    for (const DrawnKey& key : lay_out_keyboard(kImage, false)) {
       if (key.cap == cap) touch(key.place.x + 5, key.place.y + 5);
     }
   }
@@ -208,7 +208,7 @@ TEST_F(ControlsTest, WithoutAPoseThereIsNoPlaceAndAReaderLeavesLabelsAlone) {
   EXPECT_THAT(controls_.take_wishes().requests, IsEmpty());
 }
 
-TEST_F(ControlsTest, TouchesBesideThePictureOrTheMapDoNothing) {
+TEST_F(ControlsTest, TouchesBesideTheImageOrTheMapDoNothing) {
   touch(320, 500);
   EXPECT_EQ(controls_.entry(), nullptr) << "the status lines";
   touch(5, 5);
@@ -252,7 +252,7 @@ TEST_F(ControlsTest, AKeyGoesThroughTheWearersCamerasAndBack) {
   OtherView view;
   view.camera = "shoulder";
   controls_.show_others({"head", "shoulder"}, view);
-  EXPECT_EQ(controls_.other().camera, "head") << "a picture of the one before comes late";
+  EXPECT_EQ(controls_.other().camera, "head") << "an image of the one before comes late";
   touch(200 + 4 * 32, 120 + 3 * 32);
   EXPECT_EQ(controls_.entry(), nullptr) << "that pixel is another camera's";
   EXPECT_THAT(controls_.message(now_), HasSubstr("head"));
@@ -264,7 +264,7 @@ TEST_F(ControlsTest, AKeyGoesThroughTheWearersCamerasAndBack) {
   EXPECT_NE(controls_.entry(), nullptr);
 }
 
-TEST_F(ControlsTest, AFrozenViewKeepsTheOtherCamerasPictureToo) {
+TEST_F(ControlsTest, AFrozenViewKeepsTheOtherCamerasImageToo) {
   controls_.show_others({"shoulder"}, {});
   press("of");
   OtherView view;
@@ -277,16 +277,16 @@ TEST_F(ControlsTest, AFrozenViewKeepsTheOtherCamerasPictureToo) {
   EXPECT_EQ(controls_.other().note, "new");
 }
 
-TEST_F(ControlsTest, AnotherCamerasPictureFillsTheAreaWithThisOneInACornerAndIsGreyWhenItIsOld) {
+TEST_F(ControlsTest, AnotherCamerasImageFillsTheAreaWithThisOneInACornerAndIsGreyWhenItIsOld) {
   const cv::Rect area(0, 0, 640, 480);
   OtherView view;
   view.camera = "shoulder";
   view.is_there = true;
   view.pixels = cv::Mat(240, 320, CV_8UC3, cv::Scalar(0, 0, 250));
   const auto painted = [&] {
-    cv::Mat picture(kPicture, CV_8UC3, cv::Scalar(250, 0, 0));
-    paint_other(view, area, TextPainter(), &picture);
-    return picture;
+    cv::Mat image(kImage, CV_8UC3, cv::Scalar(250, 0, 0));
+    paint_other(view, area, TextPainter(), &image);
+    return image;
   };
   const cv::Mat fresh = painted();
   EXPECT_EQ(fresh.at<cv::Vec3b>(100, 300), cv::Vec3b(0, 0, 250));
@@ -300,12 +300,12 @@ TEST_F(ControlsTest, AnotherCamerasPictureFillsTheAreaWithThisOneInACornerAndIsG
 }
 
 TEST_F(ControlsTest, WhatIsShownIsDrawn) {
-  cv::Mat bare(kPicture, CV_8UC3, cv::Scalar(90, 90, 90));
+  cv::Mat bare(kImage, CV_8UC3, cv::Scalar(90, 90, 90));
   const auto changed_by = [&](const char* what) {
-    cv::Mat picture = bare.clone();
-    paint_controls(controls_, now_, TextPainter(), &picture);
-    EXPECT_GT(cv::norm(picture, bare, cv::NORM_L1), 0) << what;
-    return picture;
+    cv::Mat image = bare.clone();
+    paint_controls(controls_, now_, TextPainter(), &image);
+    EXPECT_GT(cv::norm(image, bare, cv::NORM_L1), 0) << what;
+    return image;
   };
   cv::Mat nothing = bare.clone();
   paint_controls(controls_, now_, TextPainter(), &nothing);

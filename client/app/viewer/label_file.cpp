@@ -20,16 +20,15 @@ std::string_view rest_after(std::string_view row, int count) {
   return row;
 }
 
-Result<TimedLabel> parse_row(std::string_view row, cv::Size picture) {
+Result<TimedLabel> parse_row(std::string_view row, cv::Size image) {
   const auto fields = split_fields(row);
   const auto time = fields.size() >= 4 ? parse_timestamp(fields[0]) : std::nullopt;
   const auto x = time ? parse_number(fields[1]) : std::nullopt;
   const auto y = x ? parse_number(fields[2]) : std::nullopt;
   if (!y) return fail(ErrorCode::kDamaged, "expected `timestamp x y text`");
-  if (!(*x >= 0 && *x < picture.width && *y >= 0 && *y < picture.height)) {
-    return fail(ErrorCode::kDamaged, "the pixel lies outside the picture, which is " +
-                                         std::to_string(picture.width) + "x" +
-                                         std::to_string(picture.height));
+  if (!(*x >= 0 && *x < image.width && *y >= 0 && *y < image.height)) {
+    return fail(ErrorCode::kDamaged, "the pixel lies outside the image, which is " +
+                                         std::to_string(image.width) + "x" + std::to_string(image.height));
   }
   const std::string_view text = rest_after(row, 3);
   if (const auto fault = fault_of_text(text))
@@ -43,12 +42,12 @@ Result<TimedLabel> parse_row(std::string_view row, cv::Size picture) {
 
 }  // namespace
 
-Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path, cv::Size picture) {
+Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path, cv::Size image) {
   const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   std::vector<TimedLabel> labels;
   for (const TextLine& line : table_rows(*content)) {
-    auto label = parse_row(line.text, picture);
+    auto label = parse_row(line.text, image);
     if (!label) return fail(label.error().code, at_line(path, line.number, label.error().message));
     labels.push_back(std::move(*label));
   }

@@ -19,9 +19,9 @@ struct TimedLabel {
 };
 
 /// Rows `timestamp x y text` (the text is the rest of the row), '#' begins a comment; in order of time.
-/// Errors name file and line: kNotFound, kIo, kDamaged (also a pixel outside a picture of this size, and a
+/// Errors name file and line: kNotFound, kIo, kDamaged (also a pixel outside an image of this size, and a
 /// text that nobody could type).
 [[nodiscard]] Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path,
-                                                                cv::Size picture);
+                                                                cv::Size image);
 
 }  // namespace cairn

@@ -8,12 +8,12 @@
 
 namespace cairn {
 
-/// Draws the picture of another camera over that of this one in `area` of the window's, and this one small in
+/// Draws the image of another camera over that of this one in `area` of the window's, and this one small in
 /// a corner. What is not of now is dark and grey, and said.
-void paint_other(const OtherView& view, cv::Rect area, const TextPainter& painter, cv::Mat* picture);
+void paint_other(const OtherView& view, cv::Rect area, const TextPainter& painter, cv::Mat* image);
 
 /// Draws what the window shows beyond the overlay: the line being typed with its keyboard, the help, a word.
 void paint_controls(const ViewerControls& controls, MonotonicTime now, const TextPainter& painter,
-                    cv::Mat* picture);
+                    cv::Mat* image);
 
 }  // namespace cairn

@@ -78,11 +78,11 @@ void TextEntry::press(EntryStroke stroke) {
   }
 }
 
-std::vector<DrawnKey> lay_out_keyboard(cv::Size picture, bool shifted) {
+std::vector<DrawnKey> lay_out_keyboard(cv::Size image, bool shifted) {
   const int rows = static_cast<int>(kRows.size()) + 1;
-  const int height = picture.height / 2 / rows;
-  const int top = picture.height - rows * height;
-  const auto edge = [&](int column) { return column * picture.width / kColumns; };
+  const int height = image.height / 2 / rows;
+  const int top = image.height - rows * height;
+  const auto edge = [&](int column) { return column * image.width / kColumns; };
   const auto place = [&](int row, int from, int to) {
     return cv::Rect(edge(from), top + row * height, edge(to) - edge(from), height);
   };

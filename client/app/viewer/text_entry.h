@@ -50,9 +50,9 @@ struct DrawnKey {
   std::string cap;
   EntryStroke stroke;
 };
-/// Four rows of ten characters and one of the other keys, none over another, filling the lower part of a
-/// picture.
-[[nodiscard]] std::vector<DrawnKey> lay_out_keyboard(cv::Size picture, bool shifted);
+/// Four rows of ten characters and one of the other keys, none over another, filling the lower part of an
+/// image.
+[[nodiscard]] std::vector<DrawnKey> lay_out_keyboard(cv::Size image, bool shifted);
 [[nodiscard]] std::optional<EntryStroke> stroke_at(const std::vector<DrawnKey>& keys, cv::Point point);
 
 }  // namespace cairn

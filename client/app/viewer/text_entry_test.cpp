@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-const cv::Size kPicture(640, 524);
+const cv::Size kImage(640, 524);
 
 TextEntry type(const std::string& text) {
   TextEntry entry;
@@ -22,7 +22,7 @@ TextEntry type(const std::string& text) {
 
 /// As a finger does it: on the key with this cap, whatever the state of Shift.
 void tap(const std::string& cap, TextEntry* entry) {
-  const auto keys = lay_out_keyboard(kPicture, entry->shifted());
+  const auto keys = lay_out_keyboard(kImage, entry->shifted());
   const auto key = std::find_if(keys.begin(), keys.end(), [&](const DrawnKey& k) { return k.cap == cap; });
   ASSERT_NE(key, keys.end()) << cap;
   const auto stroke = stroke_at(keys, (key->place.tl() + key->place.br()) / 2);
@@ -116,18 +116,18 @@ TEST(DrawnKeyboard, WritesWhatItsCapsSay) {
   EXPECT_EQ(other.state(), TextEntry::State::kCancelled);
 }
 
-TEST(DrawnKeyboard, IsInThePictureWithNoKeyOverAnother) {
-  for (const cv::Size picture : {kPicture, cv::Size(768, 620), cv::Size(1283, 970)}) {
-    const auto keys = lay_out_keyboard(picture, false);
+TEST(DrawnKeyboard, IsInTheImageWithNoKeyOverAnother) {
+  for (const cv::Size image : {kImage, cv::Size(768, 620), cv::Size(1283, 970)}) {
+    const auto keys = lay_out_keyboard(image, false);
     int area = 0;
     for (size_t i = 0; i < keys.size(); ++i) {
-      EXPECT_EQ(keys[i].place & cv::Rect({0, 0}, picture), keys[i].place) << keys[i].cap;
-      EXPECT_GE(keys[i].place.y, picture.height / 2 - 1) << "the upper half stays free";
+      EXPECT_EQ(keys[i].place & cv::Rect({0, 0}, image), keys[i].place) << keys[i].cap;
+      EXPECT_GE(keys[i].place.y, image.height / 2 - 1) << "the upper half stays free";
       EXPECT_GE(std::min(keys[i].place.width, keys[i].place.height), 40) << "a finger's width";
       for (size_t j = 0; j < i; ++j) EXPECT_EQ((keys[i].place & keys[j].place).area(), 0);
       area += keys[i].place.area();
     }
-    EXPECT_NEAR(area, picture.area() / 2.0, 0.02 * picture.area());
+    EXPECT_NEAR(area, image.area() / 2.0, 0.02 * image.area());
     EXPECT_FALSE(stroke_at(keys, {10, 10}));
   }
 }

@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kPollMs = 20;  ///< for keys and touches, and so the least time between two pictures
+constexpr int kPollMs = 20;  ///< for keys and touches, and so the least time between two images
 
 }  // namespace
 
@@ -41,28 +41,28 @@ struct Viewer::Window {
   }
   [[nodiscard]] bool is_open() const { return cv::getWindowProperty(title, cv::WND_PROP_VISIBLE) >= 1; }
 
-  /// If anything is different from the picture in the window.
+  /// If anything is different from the image in the window.
   void draw(MonotonicTime now) {
     const OtherView& other = controls.other();
     std::string word = controls.message(now) + (other.camera.empty() ? "" : describe(other));
     if (!controls.frame() || (!changed && word == word_drawn)) return;
     changed = false;
     word_drawn = std::move(word);
-    overlay.draw(*controls.frame(), {controls.points_shown(), controls.selected()}).copyTo(picture);
+    overlay.draw(*controls.frame(), {controls.points_shown(), controls.selected()}).copyTo(image);
     if (!other.camera.empty()) {
       const OverlayFrame& frame = *controls.frame();
       const cv::Size area(frame.image->width() * overlay.scale(), frame.image->height() * overlay.scale());
-      paint_other(other, {{}, area}, painter, &picture);
+      paint_other(other, {{}, area}, painter, &image);
     }
-    paint_controls(controls, now, painter, &picture);
-    cv::imshow(title, picture);
+    paint_controls(controls, now, painter, &image);
+    cv::imshow(title, image);
   }
 
   std::string title;
   Overlay overlay;
   ViewerControls controls;
   TextPainter painter;
-  cv::Mat picture;
+  cv::Mat image;
   bool changed = false;
   std::string word_drawn;
 };

@@ -22,7 +22,7 @@ struct ViewerLink {
   std::function<void(wire::ClientRequest)> request;
   std::function<std::vector<RequestReply>()> take_replies;
   std::function<void(RigKey)> rig = [](RigKey) {};
-  /// Of the wearer's other cameras: their names, whose picture is wanted (empty: none), and what has come.
+  /// Of the wearer's other cameras: their names, whose image is wanted (empty: none), and what has come.
   std::function<std::vector<std::string>()> cameras = [] { return std::vector<std::string>(); };
   std::function<void(const std::string&)> choose_camera = [](const std::string&) {};
   std::function<OtherView()> other = [] { return OtherView(); };

@@ -12,7 +12,7 @@
 namespace cairn::wire::internal {
 
 /// [bytes] No sample is larger, whatever the profile: what a peer may make the middleware assemble, and what
-/// a writer takes. The largest that is legal is a seed with two raw pictures of the largest size, 33.8 MB
+/// a writer takes. The largest that is legal is a seed with two raw images of the largest size, 33.8 MB
 /// (convert_test.cpp); a server on a network takes those too, from the trackers of its own host.
 constexpr size_t kMaxSampleBytes = 36'000'000;
 

@@ -12,8 +12,8 @@
 #include "common/map/limits.h"
 #include "common/wire/limits.h"
 #include "common/wire/messages.h"
-#include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
+#include "common/wire/wearer_messages.h"
 
 /// Between the value types of messages.h and the generated structs. decode() believes nothing: what it lets
 /// through has finite numbers of sensible size, unit quaternions and directions, known enumerators, counts

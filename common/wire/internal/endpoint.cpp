@@ -21,7 +21,7 @@ Error too_large(const char* topic, size_t bytes) {
   const auto megabytes = [](size_t n) { return std::to_string((n + 999'999) / 1'000'000) + " MB"; };
   return {ErrorCode::kRefused, std::string(topic) + " of " + megabytes(bytes) +
                                    ": too large for any peer, which takes " + megabytes(kMaxSampleBytes) +
-                                   " at most; smaller pictures make it smaller"};
+                                   " at most; smaller images make it smaller"};
 }
 
 using EndpointPtr = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;

@@ -156,8 +156,8 @@ void SimulatedClient::begin_seed() {
   wire::MapSeed seed = Views::of_place(place).seed();
   seed.client = id_;
   seed.command = {session_, ++last_seed_};
-  seed.first_time = world_.next_picture();
-  seed.second_time = world_.next_picture();
+  seed.first_time = world_.next_image();
+  seed.second_time = world_.next_image();
   if (world_.chance(0.5)) seed.map_name = "desk";
   if (world_.chance(0.1)) std::swap(seed.first_image, seed.second_image);  // no map comes of it
   seed_places_[seed.command] = place;
@@ -196,7 +196,7 @@ void SimulatedClient::begin_offer() {
   }
   offer.client = id_;
   offer.command = {session_, ++last_offer_};
-  offer.time = world_.next_picture();
+  offer.time = world_.next_image();
   // Some are tracked on a frame that was offered before, as while the server is away.
   const auto earlier = steps_.empty() ? steps_.end() : std::prev(steps_.end());
   if (replica != nullptr && earlier != steps_.end() && earlier->second.first == *map && world_.chance(0.3)) {

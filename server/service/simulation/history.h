@@ -83,7 +83,7 @@ class History {
     bool was_allowed = false;     ///< at one of the times when it arrived
     MadeMap::Moment arrived = 0;  ///< first
     MapId map;
-    std::vector<Timestamp> times;  ///< of the pictures
+    std::vector<Timestamp> times;  ///< of the images
     wire::ClientRequest request{};
   };
   struct Said {

@@ -24,11 +24,11 @@ std::set<KeyframeId> shown_by(const MapSnapshot& map) {
 
 }  // namespace
 
-bool MadeMap::accept(KeyframeId keyframe, Timestamp picture, Moment arrived) {
-  arrived_.try_emplace(picture, arrived);
+bool MadeMap::accept(KeyframeId keyframe, Timestamp image, Moment arrived) {
+  arrived_.try_emplace(image, arrived);
   // It may have been accepted before the roll-back, and told now: then it may have gone with it.
   if (arrived < rolled_back_at_) return true;
-  return keyframes_.try_emplace(keyframe, picture).first->second == picture;
+  return keyframes_.try_emplace(keyframe, image).first->second == image;
 }
 
 bool MadeMap::label(LabelId label, const std::string& text, Moment arrived) {
@@ -59,8 +59,8 @@ void MadeMap::become(const Tagged& tag, Moment now) {
   labels_ = tag.labels;
   proposed_ = tag.proposed;
   gone_.clear();
-  for (const auto& [picture, arrived] : arrived_)
-    if (arrived > tag.told) gone_.insert(picture);
+  for (const auto& [image, arrived] : arrived_)
+    if (arrived > tag.told) gone_.insert(image);
   ++roll_backs_;
   rolled_back_at_ = now;
 }
@@ -71,7 +71,7 @@ std::optional<std::string> MadeMap::roll_back(const MapSnapshot& newest, Moment 
   become(tag, now);
   if (newest.epoch <= done.from) return "is rolled back in the same epoch";
   const std::set<KeyframeId> shown = shown_by(newest);
-  for (const auto& [keyframe, picture] : tag.keyframes) {
+  for (const auto& [keyframe, image] : tag.keyframes) {
     if (!shown.contains(keyframe))
       return fmt::format("is rolled back and does not show keyframe {} of the tag", keyframe.value);
   }
@@ -130,7 +130,7 @@ void MadeMap::check_rows(const std::filesystem::path& path, const Tell& violated
     const auto [known, is_new] = by_time.emplace(keyframe.time, keyframe.id);
     if (!is_new)
       violated(
-          fmt::format("keyframes {} and {} are of the same picture", known->second.value, keyframe.id.value));
+          fmt::format("keyframes {} and {} are of the same image", known->second.value, keyframe.id.value));
     if (gone_.contains(keyframe.time))
       violated(fmt::format("keyframe {} came after the tag that the map was rolled back to, and is kept",
                            keyframe.id.value));

@@ -15,7 +15,7 @@
 namespace cairn::simulation {
 
 /// What is known of a map by what a server has said of it, through tags and roll-backs. Times are of
-/// pictures, no two alike; moments are counted by who hears all.
+/// images, no two alike; moments are counted by who hears all.
 class MadeMap {
  public:
   using Moment = uint64_t;
@@ -29,8 +29,8 @@ class MadeMap {
 
   /// An offer or a seed that arrived first at that moment has been accepted now. False: as another keyframe
   /// was before.
-  [[nodiscard]] bool accept(KeyframeId keyframe, Timestamp picture, Moment arrived);
-  /// Of a proposal: which picture it is, its operator is not told.
+  [[nodiscard]] bool accept(KeyframeId keyframe, Timestamp image, Moment arrived);
+  /// Of a proposal: which image it is, its operator is not told.
   void accept_proposal(KeyframeId keyframe) { proposed_.insert(keyframe); }
   [[nodiscard]] bool label(LabelId label, const std::string& text, Moment arrived);
 
@@ -71,8 +71,8 @@ class MadeMap {
   std::map<KeyframeId, Timestamp> keyframes_;  ///< that were accepted
   std::map<LabelId, std::string> labels_;      ///< that were added
   std::set<KeyframeId> proposed_;              ///< that were proposals
-  std::map<Timestamp, Moment> arrived_;        ///< of all pictures that were ever accepted
-  std::set<Timestamp> gone_;  ///< pictures that came after the tag that it was rolled back to
+  std::map<Timestamp, Moment> arrived_;        ///< of all images that were ever accepted
+  std::set<Timestamp> gone_;                   ///< images that came after the tag that it was rolled back to
   Tagged asked_;
   std::map<std::string, Tagged> tags_;
   std::optional<RollingBack> rolling_back_;

@@ -34,7 +34,7 @@ struct Case {
   const char* words;
 };
 
-// ---- pictures
+// ---- images
 
 void put_16(uint32_t value, std::vector<uint8_t>* out) {
   out->push_back(static_cast<uint8_t>(value >> 8));
@@ -52,38 +52,37 @@ constexpr std::array<uint8_t, 10> kScan{0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 63, 0};
 
 /// A few bytes that say to be so large. `later`: what a second header says.
 wire::ImageMessage tiny_jpeg(uint32_t side, uint32_t later = 0, int scans = 1) {
-  wire::ImageMessage picture{wire::ImageEncoding::kJpeg, 160, 120, {0xFF, 0xD8}};
-  put_frame(side, &picture.bytes);
-  for (int i = 0; i < scans; ++i) picture.bytes.insert(picture.bytes.end(), kScan.begin(), kScan.end());
-  if (later > 0) put_frame(later, &picture.bytes);
-  picture.bytes.insert(picture.bytes.end(), {0xFF, 0xD9});
-  return picture;
+  wire::ImageMessage image{wire::ImageEncoding::kJpeg, 160, 120, {0xFF, 0xD8}};
+  put_frame(side, &image.bytes);
+  for (int i = 0; i < scans; ++i) image.bytes.insert(image.bytes.end(), kScan.begin(), kScan.end());
+  if (later > 0) put_frame(later, &image.bytes);
+  image.bytes.insert(image.bytes.end(), {0xFF, 0xD9});
+  return image;
 }
 
 /// Whose first chunk, unknown to a decoder, has a small size where the header's would be.
 wire::ImageMessage tiny_png() {
-  wire::ImageMessage picture{
+  wire::ImageMessage image{
       wire::ImageEncoding::kJpeg, 160, 120, {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'}};
   const std::vector<uint8_t> small{0, 0, 0, 13, 'a', 'a', 'A', 'a', 0, 0, 0, 160, 0, 0, 0, 120};
   const std::vector<uint8_t> large{8,   0,   0,   0, 0, 0,   0,   0,   0,   0,   0,    0,    13,   'I',
                                    'H', 'D', 'R', 0, 0, 128, 0,   0,   0,   128, 0,    8,    0,    0,
                                    0,   0,   0,   0, 0, 0,   'I', 'E', 'N', 'D', 0xAE, 0x42, 0x60, 0x82};
-  for (const auto& chunk : {small, large})
-    picture.bytes.insert(picture.bytes.end(), chunk.begin(), chunk.end());
-  return picture;
+  for (const auto& chunk : {small, large}) image.bytes.insert(image.bytes.end(), chunk.begin(), chunk.end());
+  return image;
 }
 
 wire::ImageMessage of_text(const std::string& text) {
   return {wire::ImageEncoding::kJpeg, 160, 120, {text.begin(), text.end()}};
 }
 
-struct PictureCase {
+struct ImageCase {
   const char* what;
-  wire::ImageMessage picture;
+  wire::ImageMessage image;
   const char* words;
 };
-const std::vector<PictureCase>& pictures() {
-  static const std::vector<PictureCase> kAll{
+const std::vector<ImageCase>& images() {
+  static const std::vector<ImageCase> kAll{
       {"four gigapixels", tiny_jpeg(65535), "sides from 1 to 4096"},
       {"a gigapixel that hides behind a small frame", tiny_jpeg(32767, 120), "two frames"},
       {"a thousand walks over all pixels", tiny_jpeg(4096, 0, 1000), "more than 100 scans"},
@@ -92,7 +91,7 @@ const std::vector<PictureCase>& pictures() {
        "sides from 1 to 4096"},
       {"a comment that is none", of_text("P5\n4096#262144 255\n160\n255\n."), "not three numbers"},
       {"another size than is said", tiny_jpeg(64), "not "},
-      {"no picture", of_text("kettle"), "not an image"},
+      {"no image", of_text("kettle"), "not an image"},
       {"another size than the camera's",
        {wire::ImageEncoding::kRaw, 8, 8, std::vector<uint8_t>(64)},
        "camera"}};
@@ -160,8 +159,8 @@ TEST_F(Nonsense, OffersAreRefusedByName) {
        },
        "up is not"}};
   refuse(cases, sound_offer(6));
-  for (const PictureCase& c : pictures()) {
-    refuse<Offer>({{c.what, [&](Offer& o) { o.image = c.picture; }, c.words}}, sound_offer(6));
+  for (const ImageCase& c : images()) {
+    refuse<Offer>({{c.what, [&](Offer& o) { o.image = c.image; }, c.words}}, sound_offer(6));
   }
   EXPECT_EQ(judge(sound_offer(6)), "") << "a sound one is taken as before";
 }
@@ -205,8 +204,8 @@ TEST_F(Nonsense, SeedsAreRefusedByName) {
        "no UTF-8"},
       {"4001 trails", [](Seed& s) { s.trails.resize(kMaxTrails + 1, s.trails[0]); }, "count out of range"}};
   refuse(cases, views_.seed());
-  for (const PictureCase& c : pictures()) {
-    const auto spoil = [&](Seed& s) { s.first_image = s.second_image = c.picture; };
+  for (const ImageCase& c : images()) {
+    const auto spoil = [&](Seed& s) { s.first_image = s.second_image = c.image; };
     refuse<Seed>({{c.what, spoil, c.words}}, views_.seed());
   }
   EXPECT_EQ(judge(views_.seed()), "") << "a sound one makes a map as before";
@@ -216,17 +215,17 @@ TEST_F(Nonsense, QuestionsAreRefusedByName) {
   using Query = wire::RelocQuery;
   const std::vector<Case<Query>> cases{
       {"by a camera that was never announced", [](Query& q) { q.camera = 77; }, "camera 77 in version 1"},
-      {"a picture of another size",
+      {"an image of another size",
        [](Query& q) {
          q.small_image = {wire::ImageEncoding::kRaw, 512, 512, std::vector<uint8_t>(512 * 512)};
        },
        ""},
-      {"a picture larger than small",
+      {"an image larger than small",
        [](Query& q) {
          q.small_image = {wire::ImageEncoding::kRaw, 513, 1, std::vector<uint8_t>(513)};
        },
        "not a small raw image"},
-      {"a packed picture", [](Query& q) { q.small_image = tiny_jpeg(65535); }, "not a small raw image"},
+      {"a packed image", [](Query& q) { q.small_image = tiny_jpeg(65535); }, "not a small raw image"},
       {"nothing in sight",
        [](Query& q) {
          q.corners.clear();

@@ -31,8 +31,8 @@ struct World {
   [[nodiscard]] std::chrono::milliseconds between(int least, int most) {
     return std::chrono::milliseconds(least + static_cast<int>(draw(static_cast<size_t>(most - least + 1))));
   }
-  /// Times of pictures, no two alike.
-  [[nodiscard]] Timestamp next_picture() { return {++pictures_}; }
+  /// Times of images, no two alike.
+  [[nodiscard]] Timestamp next_image() { return {++images_}; }
 
   using Message = std::function<void(ServerRun& server)>;
   /// To the server, if one runs when it arrives. Lost, repeated, late and overtaken by others, unless it is
@@ -73,7 +73,7 @@ struct World {
   }
 
   std::vector<Posted> network_;
-  int64_t pictures_ = 0;
+  int64_t images_ = 0;
 };
 
 }  // namespace cairn::simulation

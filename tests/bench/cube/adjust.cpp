@@ -283,7 +283,7 @@ Result<CameraFit> fit_to_dots(const std::vector<DotSighting>& sightings, const C
   }
   if (used.size() < 20) return fail(ErrorCode::kDegenerate, "too few dots");
   hold_all_but(&adjustment.problem, adjustment.camera.data(), kCameraParameters, free_camera(freedom));
-  // The radius is told by the picture (its blobs) to a tenth; its effect is a hundredth of a pixel.
+  // The radius is told by the image (its blobs) to a tenth; its effect is a hundredth of a pixel.
   std::vector<int> free_box;
   if (sides) {
     free_box = {kFrontDistance, kFrontShift, kFrontDepth, kLeftDistance,

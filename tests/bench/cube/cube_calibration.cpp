@@ -25,7 +25,7 @@ namespace {
 constexpr int kWidth = 384;
 constexpr int kHeight = 288;
 constexpr int kFrameBlocks = 8;
-constexpr int kCellsX = 4;  ///< blocks of tracks for the jackknife, by where they lie in the picture
+constexpr int kCellsX = 4;  ///< blocks of tracks for the jackknife, by where they lie in the image
 constexpr int kCellsY = 2;
 
 struct Arguments {
@@ -66,7 +66,7 @@ CubeCamera start_camera() {
   return camera;
 }
 
-/// The model of both estimates. The centre is the picture's: neither tells it well (see --variants).
+/// The model of both estimates. The centre is the image's: neither tells it well (see --variants).
 Freedom model() {
   Freedom freedom;
   freedom.aspect = true;
@@ -115,7 +115,7 @@ Result<Estimate> from_dots(const std::vector<DotSighting>& dots, const std::vect
   return Estimate{*full, *frames, *objects};
 }
 
-/// Which of the picture's cells a track lies in, in the mean.
+/// Which of the image's cells a track lies in, in the mean.
 int cell(const Track& track) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const Track::Sighting& s : track.sightings) sum += s.pixel;
@@ -268,7 +268,7 @@ Status write(const std::filesystem::path& path, const CubeCamera& camera, double
       "Camera of the `cube` sequence of Debian's visp-images-data: width height fx fy cx cy k1 k2 p1 p2 "
       "(OpenCV).\nMade by tests/bench's cairn-cube-calibration: fx %.1f px, sigma %.1f, the weighted mean "
       "of %.1f, sigma %.1f, from the\ndotted box (square grids at right angles) and %.1f, sigma %.1f, from "
-      "bundle adjustment of the scene without the dots; they differ by\n%.1f %%. Centre: the picture's. "
+      "bundle adjustment of the scene without the dots; they differ by\n%.1f %%. Centre: the image's. "
       "The pixels are not square: both say so.",
       camera.focal, sigma, dots.fit.camera.focal, dots.sigma(), scene.fit.camera.focal, scene.sigma(),
       100 * std::abs(dots.fit.camera.focal - scene.fit.camera.focal) / camera.focal);

@@ -137,7 +137,7 @@ TEST(FitToTracks, FindsTheCameraOfAnUnknownScene) {
       track.sightings.push_back({i, pixel + Eigen::Vector2d(noise(random), noise(random))});
     }
   }
-  // A tenth of the tracks lie: they stick to the picture.
+  // A tenth of the tracks lie: they stick to the image.
   for (size_t i = 0; i < tracks.size(); i += 10) {
     for (Track::Sighting& s : tracks[i].sightings) s.pixel.x() += 0.3 * s.frame;
   }

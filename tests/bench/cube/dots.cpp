@@ -21,8 +21,8 @@ constexpr double kMaxMiss = 2.5;     ///< px between where a dot is looked for a
 constexpr double kMinSpread = 0.6;   ///< px: least standard deviation of a dot's light in any direction
 constexpr double kMaxMisfit = 0.35;  ///< px off the face's homography: another dot, or one run into an edge
 
-/// Corner dots of a face in a picture: (first, first), (last column, first row), (last, last), (first column,
-/// last row). Read off the pictures, good to 2 px.
+/// Corner dots of a face in an image: (first, first), (last column, first row), (last, last), (first column,
+/// last row). Read off the images, good to 2 px.
 using Corners = std::array<Eigen::Vector2d, 4>;
 
 Corners corner_pixels(Face face) {
@@ -270,7 +270,7 @@ Result<std::vector<DotSighting>> follow_dots(const std::vector<GrayImage>& frame
   }
   std::vector<DotSighting> all = follow_face(frames, Face::kTop, 0, kFrames - 1);
   if (all.size() != kFrames * dots_of(Face::kTop).size()) {
-    return fail(ErrorCode::kDamaged, "the top face's dots are not all seen in all frames: other pictures?");
+    return fail(ErrorCode::kDamaged, "the top face's dots are not all seen in all frames: other images?");
   }
   for (const Face face : {Face::kFront, Face::kLeft}) {
     const std::vector<DotSighting> side = follow_face(frames, face, kFrames - 1, 0);

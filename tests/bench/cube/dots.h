@@ -13,8 +13,8 @@ namespace cairn::cube {
 
 enum class Face { kTop, kFront, kLeft };
 
-/// Columns run to the right of the picture on top and front and down the picture on the left face; rows run
-/// down the picture on top and away from the top face on the sides.
+/// Columns run to the right of the image on top and front and down the image on the left face; rows run
+/// down the image on top and away from the top face on the sides.
 struct Dot {
   Face face = Face::kTop;
   int column = 0;

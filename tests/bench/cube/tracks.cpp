@@ -116,7 +116,7 @@ std::optional<Alignment> align(const Patch& patch, const cv::Mat& image, const W
       if (!inside(image, p, 2)) return std::nullopt;
       seen[i] = sample(image, p);
     }
-    // Gain and bias map the picture to the patch, so that the Jacobian stays the patch's.
+    // Gain and bias map the image to the patch, so that the Jacobian stays the patch's.
     const Eigen::Matrix<double, kPixels, 1> error = (gain * seen).array() + bias - patch.pixels.array();
     const Vector8 step = patch.normal.solve(patch.jacobian.transpose() * error);
     Eigen::Matrix2d linear;

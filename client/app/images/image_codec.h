@@ -5,15 +5,15 @@
 
 #include "client/app/frame_observer.h"
 #include "common/base/result.h"
-#include "common/wire/picture_messages.h"
+#include "common/wire/wearer_messages.h"
 
 namespace cairn {
 
-/// Of BGR pixels, made small enough for a CameraPicture: no side longer than kMaxPictureSide, no more bytes
-/// than kMaxPictureBytes, whatever they show.
-[[nodiscard]] wire::ImageMessage encode_picture(const cv::Mat& pixels);
+/// Of BGR pixels, made small enough for a CameraPicture: no side longer than kMaxCameraPictureSide, no more
+/// bytes than kMaxCameraPictureBytes, whatever they show.
+[[nodiscard]] wire::ImageMessage encode_camera_image(const cv::Mat& pixels);
 /// Error kDamaged: no JPEG, or of another size than is said.
-[[nodiscard]] Result<cv::Mat> decode_picture(const wire::ImageMessage& picture);
+[[nodiscard]] Result<cv::Mat> decode_camera_image(const wire::ImageMessage& image);
 
 [[nodiscard]] TrackingState tracking_state_of(FrameState state);
 [[nodiscard]] FrameState frame_state_of(TrackingState state);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/pictures/picture_demand.h"
+#include "client/app/images/image_demand.h"
 
 #include <algorithm>
 
-#include "client/app/pictures/picture_choice.h"
+#include "client/app/images/image_choice.h"
 
 namespace cairn {
 namespace {
@@ -17,7 +17,7 @@ constexpr size_t kMostAskers = 16;
 
 }  // namespace
 
-void PictureDemand::hear(const wire::PictureRequest& request, MonotonicTime now) {
+void ImageDemand::hear(const wire::PictureRequest& request, MonotonicTime now) {
   if (request.camera != camera_) {
     asked_.erase(request.name);
     return;
@@ -26,12 +26,12 @@ void PictureDemand::hear(const wire::PictureRequest& request, MonotonicTime now)
   if (asked_.size() < kMostAskers || asked_.contains(request.name)) asked_[request.name] = now;
 }
 
-bool PictureDemand::is_asked(MonotonicTime now) const {
+bool ImageDemand::is_asked(MonotonicTime now) const {
   return std::any_of(asked_.begin(), asked_.end(),
                      [now](const auto& asker) { return now - asker.second <= kSilence; });
 }
 
-std::vector<std::string> PictureDemand::askers(MonotonicTime now) const {
+std::vector<std::string> ImageDemand::askers(MonotonicTime now) const {
   std::vector<std::string> names;
   for (const auto& [name, when] : asked_) {
     if (now - when <= kSilence) names.push_back(name);
@@ -39,7 +39,7 @@ std::vector<std::string> PictureDemand::askers(MonotonicTime now) const {
   return names;
 }
 
-bool PictureDemand::take_turn(MonotonicTime now) {
+bool ImageDemand::take_turn(MonotonicTime now) {
   if (now < due_ || !is_asked(now)) return false;
   due_ = std::max(due_, now - kLate) + kStep;
   return true;

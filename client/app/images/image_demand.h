@@ -7,15 +7,15 @@
 #include <vector>
 
 #include "common/base/time.h"
-#include "common/wire/picture_messages.h"
+#include "common/wire/wearer_messages.h"
 
 namespace cairn {
 
-/// Who wants pictures of this camera, and when the next one is due: ten a second at most, and none while
+/// Who wants images of this camera, and when the next one is due: ten a second at most, and none while
 /// nobody asks. Who falls silent asks no more. Pure; one thread.
-class PictureDemand {
+class ImageDemand {
  public:
-  explicit PictureDemand(std::string camera) : camera_(std::move(camera)) {}
+  explicit ImageDemand(std::string camera) : camera_(std::move(camera)) {}
 
   void hear(const wire::PictureRequest& request, MonotonicTime now);
   [[nodiscard]] bool is_asked(MonotonicTime now) const;

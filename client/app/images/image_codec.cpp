@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/pictures/picture_codec.h"
+#include "client/app/images/image_codec.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kQuality = 75;  // of JPEG: a camera's picture of 640x480 has some 40 kB
+constexpr int kQuality = 75;  // of JPEG: a camera's image of 640x480 has some 40 kB
 constexpr int kLeastQuality = 35;
 constexpr int kQualityStep = 20;
 constexpr double kSmaller = 0.7;  // a side, where that does not do
@@ -27,14 +27,14 @@ cv::Mat scaled(const cv::Mat& pixels, double scale) {
 
 }  // namespace
 
-wire::ImageMessage encode_picture(const cv::Mat& pixels) {
-  const double fit = static_cast<double>(wire::kMaxPictureSide) / std::max(pixels.cols, pixels.rows);
+wire::ImageMessage encode_camera_image(const cv::Mat& pixels) {
+  const double fit = static_cast<double>(wire::kMaxCameraPictureSide) / std::max(pixels.cols, pixels.rows);
   cv::Mat small = fit < 1 ? scaled(pixels, fit) : pixels;
   wire::ImageMessage message;
   message.encoding = wire::ImageEncoding::kJpeg;
   for (int quality = kQuality;;) {
     cv::imencode(".jpg", small, message.bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
-    if (message.bytes.size() <= wire::kMaxPictureBytes) break;
+    if (message.bytes.size() <= wire::kMaxCameraPictureBytes) break;
     if (quality > kLeastQuality) {
       quality -= kQualityStep;
     } else {
@@ -46,19 +46,19 @@ wire::ImageMessage encode_picture(const cv::Mat& pixels) {
   return message;
 }
 
-Result<cv::Mat> decode_picture(const wire::ImageMessage& picture) {
-  const auto header = read_image_header(picture.bytes);
+Result<cv::Mat> decode_camera_image(const wire::ImageMessage& image) {
+  const auto header = read_image_header(image.bytes);
   if (!header) return tl::unexpected(header.error());
   // Before anything is made of that size.
-  if (header->width != picture.width || header->height != picture.height || !header->complete)
-    return fail(ErrorCode::kDamaged, "a picture that is cut short or of another size than is said");
+  if (header->width != image.width || header->height != image.height || !header->complete)
+    return fail(ErrorCode::kDamaged, "an image that is cut short or of another size than is said");
   cv::Mat pixels;
   try {
-    pixels = cv::imdecode(picture.bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    pixels = cv::imdecode(image.bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& error) {
-    return fail(ErrorCode::kDamaged, "a picture that cannot be decoded: " + error.err);
+    return fail(ErrorCode::kDamaged, "an image that cannot be decoded: " + error.err);
   }
-  if (pixels.empty()) return fail(ErrorCode::kDamaged, "a picture that cannot be decoded");
+  if (pixels.empty()) return fail(ErrorCode::kDamaged, "an image that cannot be decoded");
   return pixels;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two cameras of a wearer over the middleware, on this host.
-#include "client/app/pictures/picture_link.h"
+#include "client/app/images/image_link.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,10 +18,10 @@ using namespace std::chrono_literals;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-class PictureLinkTest : public ::testing::Test {
+class ImageLinkTest : public ::testing::Test {
  protected:
   /// A frame of a camera's every so often, until something is so.
-  bool frames_until(PictureLink& camera, const std::function<bool()>& predicate,
+  bool frames_until(ImageLink& camera, const std::function<bool()>& predicate,
                     std::chrono::milliseconds limit = 20s) {
     const auto image = std::make_shared<const GrayImage>(640, 480);
     const auto deadline = std::chrono::steady_clock::now() + limit;
@@ -38,8 +38,8 @@ class PictureLinkTest : public ::testing::Test {
     }
     return true;
   }
-  [[nodiscard]] std::unique_ptr<PictureLink> open(const std::string& wearer, const std::string& name) const {
-    return PictureLink::open({wearer, name, domain_}, testing::test_camera(), null_logger()).value();
+  [[nodiscard]] std::unique_ptr<ImageLink> open(const std::string& wearer, const std::string& name) const {
+    return ImageLink::open({wearer, name, domain_}, testing::test_camera(), null_logger()).value();
   }
 
   const wire::LogRedirect quiet_{null_logger()};
@@ -48,7 +48,7 @@ class PictureLinkTest : public ::testing::Test {
   size_t frames_ = 0;
 };
 
-TEST_F(PictureLinkTest, PicturesComeWhileTheyAreAskedForAndNotAfter) {
+TEST_F(ImageLinkTest, ImagesComeWhileTheyAreAskedForAndNotAfter) {
   const auto hand = open("ada", "hand");
   const auto shoulder = open("ada", "shoulder");
   const auto other = open("bob", "hat");
@@ -77,10 +77,10 @@ TEST_F(PictureLinkTest, PicturesComeWhileTheyAreAskedForAndNotAfter) {
       *shoulder, [&] { return shoulder->summary().sent > before; }, 300ms));
   EXPECT_LE(static_cast<double>(before), 2 + 10 * std::chrono::duration<double>(asked_for).count());
   EXPECT_GT(shoulder->summary().cpu, 0ns);
-  EXPECT_EQ(hand->summary().cpu, 0ns) << "nobody asked for its pictures";
+  EXPECT_EQ(hand->summary().cpu, 0ns) << "nobody asked for its images";
 }
 
-TEST_F(PictureLinkTest, AViewerThatEndsAsksNoMoreAndACameraThatEndsHasGone) {
+TEST_F(ImageLinkTest, AViewerThatEndsAsksNoMoreAndACameraThatEndsHasGone) {
   auto shoulder = open("ada", "shoulder");
   {
     const auto hand = open("ada", "hand");
@@ -96,13 +96,13 @@ TEST_F(PictureLinkTest, AViewerThatEndsAsksNoMoreAndACameraThatEndsHasGone) {
   while (hand->view().is_there && std::chrono::steady_clock::now() < deadline)
     std::this_thread::sleep_for(5ms);
   EXPECT_FALSE(hand->view().is_there);
-  EXPECT_FALSE(hand->view().pixels.empty()) << "the last picture is shown, and said to be old";
+  EXPECT_FALSE(hand->view().pixels.empty()) << "the last image is shown, and said to be old";
 }
 
-TEST_F(PictureLinkTest, MoreCamerasThanThereArePlacesForAreToldSo) {
-  std::vector<std::unique_ptr<PictureLink>> all;
+TEST_F(ImageLinkTest, MoreCamerasThanThereArePlacesForAreToldSo) {
+  std::vector<std::unique_ptr<ImageLink>> all;
   for (int i = 0; i < wire::kMaxWearerCameras; ++i) all.push_back(open("ada", "camera-" + std::to_string(i)));
-  const auto refused = PictureLink::open({"ada", "one-more", domain_}, testing::test_camera(), null_logger());
+  const auto refused = ImageLink::open({"ada", "one-more", domain_}, testing::test_camera(), null_logger());
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
 }

@@ -9,16 +9,16 @@
 
 namespace cairn {
 
-/// Where a picture shows a point of the map, or should, in its pixels.
+/// Where an image shows a point of the map, or should, in its pixels.
 struct MarkedPoint {
   int x = 0;
   int y = 0;
   bool found = false;
 };
 
-/// A grey picture (PNG, JPEG) as a coloured PNG, with a green square about each point that was found and a
-/// red cross on each that was not. Pure. Error kDamaged: it is no picture.
-[[nodiscard]] Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> picture,
+/// A grey image (PNG, JPEG) as a coloured PNG, with a green square about each point that was found and a
+/// red cross on each that was not. Pure. Error kDamaged: it is no image.
+[[nodiscard]] Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> image,
                                                        std::span<const MarkedPoint> points);
 
 }  // namespace cairn

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/capture/picture_sample.h"
+#include "client/capture/image_sample.h"
 
 #include <gmock/gmock.h>
 
@@ -49,7 +49,7 @@ TEST(UsedLevels, ANarrowPartOfThemIsStretched) {
 }
 
 /// A ramp with some texture in the lower `bits`, brighter by `offset`.
-cv::Mat deep_picture(int bits, int offset) {
+cv::Mat deep_image(int bits, int offset) {
   cv::Mat image(kHeight, kWidth, CV_16U);
   const int most = (1 << bits) - 1;
   for (int y = 0; y < kHeight; ++y) {
@@ -62,13 +62,13 @@ cv::Mat deep_picture(int bits, int offset) {
   return image;
 }
 
-class DeepPictures : public FrameSourceFiles {
+class DeepImages : public FrameSourceFiles {
  protected:
   void write_recording(int bits, const std::string& extension) {
     for (int i = 0; i < 12; ++i)
-      ASSERT_TRUE(cv::imwrite((dir() / (std::to_string(i) + extension)).string(), deep_picture(bits, i)));
+      ASSERT_TRUE(cv::imwrite((dir() / (std::to_string(i) + extension)).string(), deep_image(bits, i)));
   }
-  /// The largest difference of the frames from their deep pictures with all bits used [grey values].
+  /// The largest difference of the frames from their deep images with all bits used [grey values].
   int largest_difference(int bits) {
     const auto source = open_source(uri("images"));
     EXPECT_TRUE(source) << source.error().message;
@@ -76,7 +76,7 @@ class DeepPictures : public FrameSourceFiles {
     EXPECT_EQ(frames.size(), 12U);
     int largest = 0;
     for (size_t i = 0; i < frames.size(); ++i) {
-      const cv::Mat deep = deep_picture(bits, static_cast<int>(i));
+      const cv::Mat deep = deep_image(bits, static_cast<int>(i));
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
           const int wanted = deep.at<uint16_t>(y, x) >> (bits - 8);
@@ -88,7 +88,7 @@ class DeepPictures : public FrameSourceFiles {
   }
 };
 
-TEST_F(DeepPictures, FewerBitsThanTheFileHasAreReadAsAllOfTheRange) {
+TEST_F(DeepImages, FewerBitsThanTheFileHasAreReadAsAllOfTheRange) {
   for (const std::string extension : {".png", ".pgm"}) {
     for (const int bits : {10, 12, 14, 16}) {
       write_recording(bits, extension);
@@ -102,9 +102,9 @@ TEST_F(DeepPictures, FewerBitsThanTheFileHasAreReadAsAllOfTheRange) {
   }
 }
 
-TEST_F(DeepPictures, OneMappingServesAllOfARecording) {
+TEST_F(DeepImages, OneMappingServesAllOfARecording) {
   for (int i = 0; i < 20; ++i) {  // the light goes down; one grey stays
-    cv::Mat image = deep_picture(12, 0) / (1 + i);
+    cv::Mat image = deep_image(12, 0) / (1 + i);
     image.at<uint16_t>(5, 5) = 1600;
     ASSERT_TRUE(cv::imwrite((dir() / (std::to_string(i) + ".png")).string(), image));
   }
@@ -113,7 +113,7 @@ TEST_F(DeepPictures, OneMappingServesAllOfARecording) {
   for (const auto& frame : take_all(**source).frames) EXPECT_EQ(frame.image->row(5)[5], 100) << frame.index;
 }
 
-TEST_F(DeepPictures, ThoseOfTheListsToo) {
+TEST_F(DeepImages, ThoseOfTheListsToo) {
   write_recording(12, ".png");
   write_text("rgb.txt", "0 0.png\n0.1 1.png\n");
   const auto source = open_source(uri("tum"));
@@ -121,10 +121,10 @@ TEST_F(DeepPictures, ThoseOfTheListsToo) {
   EXPECT_EQ((*source)->notes().size(), 1U);
 }
 
-TEST_F(DeepPictures, LowBytesFirstAreNoticed) {
+TEST_F(DeepImages, LowBytesFirstAreNoticed) {
   for (const int bits : {12, 16}) {
     for (int i = 0; i < 12; ++i) {
-      const cv::Mat image = deep_picture(bits, i);
+      const cv::Mat image = deep_image(bits, i);
       std::ofstream file(dir() / (std::to_string(i) + ".pgm"), std::ios::binary);
       file << "P5\n" << kWidth << " " << kHeight << "\n65535\n";
       file.write(reinterpret_cast<const char*>(image.data), std::streamsize{2} * kWidth * kHeight);
@@ -134,29 +134,29 @@ TEST_F(DeepPictures, LowBytesFirstAreNoticed) {
   }
 }
 
-TEST(ExchangedBytes, AreNotSuspectedInPicturesOfEightBitsTimes256) {
+TEST(ExchangedBytes, AreNotSuspectedInImagesOfEightBitsTimes256) {
   DeepImage image{kWidth, kHeight, {}};
-  const cv::Mat deep = deep_picture(8, 0);
+  const cv::Mat deep = deep_image(8, 0);
   for (auto at = deep.begin<uint16_t>(); at != deep.end<uint16_t>(); ++at)
     image.pixels.push_back(static_cast<uint16_t>(*at << 8));
   EXPECT_FALSE(has_exchanged_bytes(image));
 }
 
-class HeldPictures : public FrameSourceFiles {
+class HeldImages : public FrameSourceFiles {
  protected:
   void write_held(const std::string& name, int orientation) {
-    const auto jpeg = jpeg_held(picture(1), orientation);
+    const auto jpeg = jpeg_held(numbered_image(1), orientation);
     std::ofstream(dir() / name, std::ios::binary)
         .write(reinterpret_cast<const char*>(jpeg.data()), std::ssize(jpeg));
   }
 };
 
-TEST_F(HeldPictures, AreUprightAndTheLogSaysSo) {
+TEST_F(HeldImages, AreUprightAndTheLogSaysSo) {
   for (int i = 0; i < 3; ++i) write_held(std::to_string(i) + ".jpg", 6);
   const auto source = open_source(uri("images"));
   ASSERT_TRUE(source) << source.error().message;
-  const PictureSize size{kHeight, kWidth};
-  EXPECT_EQ((*source)->picture_size(), size);
+  const ImageSize size{kHeight, kWidth};
+  EXPECT_EQ((*source)->image_size(), size);
   const auto notes = (*source)->notes();
   ASSERT_EQ(notes.size(), 1U);
   EXPECT_FALSE(notes[0].is_warning);
@@ -166,7 +166,7 @@ TEST_F(HeldPictures, AreUprightAndTheLogSaysSo) {
   for (const auto& frame : taken.frames) EXPECT_EQ(frame.image->width(), kHeight);
 }
 
-TEST_F(HeldPictures, InSeveralWaysAreWarnedOf) {
+TEST_F(HeldImages, InSeveralWaysAreWarnedOf) {
   write_held("0.jpg", 6);
   write_held("1.jpg", 8);
   write_held("2.jpg", 8);
@@ -176,8 +176,8 @@ TEST_F(HeldPictures, InSeveralWaysAreWarnedOf) {
   EXPECT_THAT(notes[0].text, AllOf(HasSubstr("by 90 degrees"), HasSubstr("by 270 degrees")));
 }
 
-TEST_F(DeepPictures, PicturesOfEightBitsStayAsTheyAre) {
-  for (int i = 0; i < 3; ++i) write_picture(std::to_string(i) + ".png", 0);
+TEST_F(DeepImages, ImagesOfEightBitsStayAsTheyAre) {
+  for (int i = 0; i < 3; ++i) write_image(std::to_string(i) + ".png", 0);
   const auto source = open_source(uri("images"));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_TRUE((*source)->notes().empty());

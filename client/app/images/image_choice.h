@@ -10,14 +10,14 @@
 
 #include "client/app/frame_observer.h"
 #include "common/base/time.h"
-#include "common/wire/picture_messages.h"
+#include "common/wire/wearer_messages.h"
 
 namespace cairn {
 
-/// Of saying again whose pictures are wanted.
+/// Of saying again whose images are wanted.
 inline constexpr std::chrono::milliseconds kPictureRequestPeriod{200};
-/// Older pictures are not of now.
-inline constexpr std::chrono::milliseconds kPictureTooOld{1000};
+/// Older images are not of now.
+inline constexpr std::chrono::milliseconds kImageTooOld{1000};
 
 /// What is shown of another camera of the wearer's.
 struct OtherView {
@@ -27,19 +27,19 @@ struct OtherView {
   FrameState state = FrameState::kStarting;
   std::string map;                  ///< name; empty: none
   std::string note;                 ///< of its tracker
-  std::chrono::milliseconds age{};  ///< since the picture came, or since it was asked for
+  std::chrono::milliseconds age{};  ///< since the image came, or since it was asked for
 };
 [[nodiscard]] inline bool is_stale(const OtherView& view) {
-  return view.pixels.empty() || view.age > kPictureTooOld;
+  return view.pixels.empty() || view.age > kImageTooOld;
 }
-/// What the picture is, or why there is none, for a person.
+/// What the image is, or why there is none, for a person.
 [[nodiscard]] std::string describe(const OtherView& view);
 
-/// Which other cameras of the wearer there are on this host, whose pictures are wanted, and what has come of
+/// Which other cameras of the wearer there are on this host, whose images are wanted, and what has come of
 /// them. Pure; one thread.
-class PictureChoice {
+class ImageChoice {
  public:
-  explicit PictureChoice(std::string name) : name_(std::move(name)) {}
+  explicit ImageChoice(std::string name) : name_(std::move(name)) {}
 
   void come(const wire::WearerCamera& camera);
   void gone(const std::string& camera) { cameras_.erase(camera); }
@@ -51,8 +51,8 @@ class PictureChoice {
   [[nodiscard]] const std::string& chosen() const { return view_.camera; }
   /// What is to be said now, if anything.
   [[nodiscard]] std::optional<wire::PictureRequest> request(MonotonicTime now);
-  /// `pixels`: of the picture. One that was not asked for is dropped.
-  void receive(const wire::CameraPicture& picture, cv::Mat pixels, MonotonicTime now);
+  /// `pixels`: of the image. One that was not asked for is dropped.
+  void receive(const wire::CameraPicture& message, cv::Mat pixels, MonotonicTime now);
   [[nodiscard]] OtherView view(MonotonicTime now) const;
 
  private:

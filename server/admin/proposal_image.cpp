@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/admin/proposal_picture.h"
+#include "server/admin/proposal_image.h"
 
 #include <algorithm>
 #include <array>
@@ -34,9 +34,9 @@ void mark(const MarkedPoint& point, cv::Mat* image) {
 
 }  // namespace
 
-Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> picture,
+Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> encoded,
                                          std::span<const MarkedPoint> points) {
-  const Result<GrayImage> grey = decode_gray_image(picture);
+  const Result<GrayImage> grey = decode_gray_image(encoded);
   if (!grey) return tl::unexpected(grey.error());
   cv::Mat image(grey->height(), grey->width(), CV_8UC3);
   for (int y = 0; y < image.rows; ++y) {
@@ -46,7 +46,7 @@ Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> picture,
   }
   for (const MarkedPoint& point : points) mark(point, &image);
   std::vector<uint8_t> png;
-  if (!cv::imencode(".png", image, png)) return fail(ErrorCode::kInternal, "the picture cannot be encoded");
+  if (!cv::imencode(".png", image, png)) return fail(ErrorCode::kInternal, "the image cannot be encoded");
   return png;
 }
 

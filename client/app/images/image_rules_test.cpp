@@ -2,8 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/app/pictures/picture_choice.h"
-#include "client/app/pictures/picture_demand.h"
+#include "client/app/images/image_choice.h"
+#include "client/app/images/image_demand.h"
 
 namespace cairn {
 namespace {
@@ -16,14 +16,14 @@ using ::testing::IsEmpty;
 constexpr MonotonicTime kStart{1h};
 
 /// Frames that are sent of those of so many milliseconds.
-int sent(PictureDemand& demand, MonotonicTime from, std::chrono::microseconds step, int frames) {
+int sent(ImageDemand& demand, MonotonicTime from, std::chrono::microseconds step, int frames) {
   int count = 0;
   for (int i = 0; i < frames; ++i) count += demand.take_turn(from + i * step) ? 1 : 0;
   return count;
 }
 
-TEST(PictureDemand, NothingIsSentUnlessSomebodyAsksForThisCamera) {
-  PictureDemand demand("shoulder");
+TEST(ImageDemand, NothingIsSentUnlessSomebodyAsksForThisCamera) {
+  ImageDemand demand("shoulder");
   EXPECT_FALSE(demand.take_turn(kStart));
   demand.hear({"hand", "other"}, kStart);
   EXPECT_FALSE(demand.take_turn(kStart));
@@ -34,17 +34,17 @@ TEST(PictureDemand, NothingIsSentUnlessSomebodyAsksForThisCamera) {
   EXPECT_FALSE(demand.is_asked(kStart + 1ms)) << "it said that it wants none any more";
 }
 
-TEST(PictureDemand, WhoFallsSilentAsksNoMore) {
-  PictureDemand demand("shoulder");
+TEST(ImageDemand, WhoFallsSilentAsksNoMore) {
+  ImageDemand demand("shoulder");
   demand.hear({"hand", "shoulder"}, kStart);
   EXPECT_TRUE(demand.is_asked(kStart + 2 * kPictureRequestPeriod)) << "a request may be lost";
   EXPECT_FALSE(demand.is_asked(kStart + 1s));
   EXPECT_THAT(demand.askers(kStart + 1s), IsEmpty());
 }
 
-TEST(PictureDemand, TenASecondWhateverTheCameraGives) {
+TEST(ImageDemand, TenASecondWhateverTheCameraGives) {
   for (const auto& [step, least] : {std::pair{8'333us, 99}, {16'667us, 99}, {33'333us, 97}, {40'000us, 97}}) {
-    PictureDemand demand("shoulder");
+    ImageDemand demand("shoulder");
     int count = 0;
     for (int second = 0; second < 10; ++second) {
       const auto now = kStart + second * 1s;
@@ -58,16 +58,16 @@ TEST(PictureDemand, TenASecondWhateverTheCameraGives) {
   }
 }
 
-TEST(PictureDemand, APauseIsNotCaughtUpWith) {
-  PictureDemand demand("shoulder");
+TEST(ImageDemand, APauseIsNotCaughtUpWith) {
+  ImageDemand demand("shoulder");
   demand.hear({"hand", "shoulder"}, kStart);
   EXPECT_TRUE(demand.take_turn(kStart));
   demand.hear({"hand", "shoulder"}, kStart + 5s);
   EXPECT_LE(sent(demand, kStart + 5s, 1ms, 100), 2);
 }
 
-TEST(PictureDemand, ManyNamesAskForNoMorePicturesAndTakeNoMemory) {
-  PictureDemand demand("shoulder");
+TEST(ImageDemand, ManyNamesAskForNoMoreImagesAndTakeNoMemory) {
+  ImageDemand demand("shoulder");
   for (int i = 0; i < 1000; ++i) demand.hear({"viewer-" + std::to_string(i), "shoulder"}, kStart);
   EXPECT_LE(demand.askers(kStart).size(), 16U);
   demand.hear({"hand", "shoulder"}, kStart + 2s);
@@ -77,14 +77,14 @@ TEST(PictureDemand, ManyNamesAskForNoMorePicturesAndTakeNoMemory) {
 class Choice : public ::testing::Test {
  protected:
   void come(const std::string& name) { choice_.come({name, 640, 480}); }
-  void picture(const std::string& name, MonotonicTime now) {
-    wire::CameraPicture picture;
-    picture.name = name;
-    picture.state = TrackingState::kTracking;
-    picture.map = "kitchen";
-    choice_.receive(picture, cv::Mat(48, 64, CV_8UC3, cv::Scalar(1, 2, 3)), now);
+  void image(const std::string& name, MonotonicTime now) {
+    wire::CameraPicture image;
+    image.name = name;
+    image.state = TrackingState::kTracking;
+    image.map = "kitchen";
+    choice_.receive(image, cv::Mat(48, 64, CV_8UC3, cv::Scalar(1, 2, 3)), now);
   }
-  PictureChoice choice_{"hand"};
+  ImageChoice choice_{"hand"};
 };
 
 TEST_F(Choice, TheCamerasAreTheOthers) {
@@ -117,14 +117,14 @@ TEST_F(Choice, WhatIsShownSaysWhetherItIsOfNow) {
   come("shoulder");
   EXPECT_TRUE(is_stale(choice_.view(kStart)));
   EXPECT_THAT(describe(choice_.view(kStart)), HasSubstr("is asked for"));
-  EXPECT_THAT(describe(choice_.view(kStart + 2s)), HasSubstr("no picture for 2 s"));
-  picture("head", kStart);
+  EXPECT_THAT(describe(choice_.view(kStart + 2s)), HasSubstr("no image for 2 s"));
+  image("head", kStart);
   EXPECT_TRUE(choice_.view(kStart).pixels.empty()) << "of another than is wanted";
-  picture("shoulder", kStart + 2s);
+  image("shoulder", kStart + 2s);
   EXPECT_FALSE(is_stale(choice_.view(kStart + 3s)));
   EXPECT_EQ(describe(choice_.view(kStart + 3s)), "shoulder: tracking, kitchen");
   EXPECT_TRUE(is_stale(choice_.view(kStart + 3001ms)));
-  EXPECT_THAT(describe(choice_.view(kStart + 5s)), HasSubstr("STOPPED, the picture is 3 s old"));
+  EXPECT_THAT(describe(choice_.view(kStart + 5s)), HasSubstr("STOPPED, the image is 3 s old"));
   choice_.gone("shoulder");
   EXPECT_THAT(describe(choice_.view(kStart + 3s)), HasSubstr("has gone"));
   choice_.choose("head", kStart + 6s);

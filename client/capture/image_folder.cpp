@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/capture/picture_folder.h"
+#include "client/capture/image_folder.h"
 
 #include <fmt/format.h>
 #include <fnmatch.h>
@@ -61,11 +61,11 @@ bool matches(const std::string& glob, const std::filesystem::path& path) {
 }
 
 /// A short glob for this kind and no other.
-std::string glob_of(const PictureKind& kind, const std::vector<PictureKind>& kinds) {
+std::string glob_of(const ImageKind& kind, const std::vector<ImageKind>& kinds) {
   std::string stricter = kind.pattern;
   if (const size_t last = stricter.rfind('*'); last != std::string::npos) stricter.insert(last + 1, "[0-9]");
   for (const std::string& glob : {kind.pattern, stricter}) {
-    const auto names_one = std::count_if(kinds.begin(), kinds.end(), [&](const PictureKind& other) {
+    const auto names_one = std::count_if(kinds.begin(), kinds.end(), [&](const ImageKind& other) {
       return matches(glob, other.files.front());
     });
     if (names_one == 1 && matches(glob, kind.files.front())) return glob;
@@ -73,7 +73,7 @@ std::string glob_of(const PictureKind& kind, const std::vector<PictureKind>& kin
   return kind.pattern;
 }
 
-std::string kinds_text(const std::vector<PictureKind>& kinds) {
+std::string kinds_text(const std::vector<ImageKind>& kinds) {
   constexpr size_t kMostNamed = 4;
   std::string text;
   for (size_t i = 0; i < std::min(kinds.size(), kMostNamed); ++i) {
@@ -113,9 +113,9 @@ bool is_hidden(const std::filesystem::path& path) {
   return path.filename().string().starts_with('.');
 }
 
-std::vector<PictureKind> kinds_side_by_side(const std::vector<std::filesystem::path>& paths) {
+std::vector<ImageKind> kinds_side_by_side(const std::vector<std::filesystem::path>& paths) {
   struct Group {
-    PictureKind kind;
+    ImageKind kind;
     std::set<std::string> numbers;
   };
   std::map<std::string, Group> groups;
@@ -130,23 +130,23 @@ std::vector<PictureKind> kinds_side_by_side(const std::vector<std::filesystem::p
   const auto& largest = std::max_element(groups.begin(), groups.end(), [](const auto& a, const auto& b) {
                           return a.second.kind.files.size() < b.second.kind.files.size();
                         })->second;
-  std::vector<PictureKind> kinds;
+  std::vector<ImageKind> kinds;
   for (const auto& [pattern, group] : groups) {
     const auto shared = std::count_if(group.numbers.begin(), group.numbers.end(),
                                       [&](const auto& number) { return largest.numbers.contains(number); });
     if (shared >= 2 && static_cast<size_t>(shared) * 2 >= group.kind.files.size())
       kinds.push_back(group.kind);
   }
-  return kinds.size() < 2 ? std::vector<PictureKind>() : kinds;
+  return kinds.size() < 2 ? std::vector<ImageKind>() : kinds;
 }
 
-Result<PictureFolder> list_pictures(const std::filesystem::path& directory,
-                                    const std::optional<std::string>& glob) {
+Result<ImageFolder> list_images(const std::filesystem::path& directory,
+                                const std::optional<std::string>& glob) {
   std::error_code error;
   if (!std::filesystem::exists(directory, error)) {
     return fail(ErrorCode::kNotFound, directory.string() + ": no such directory");
   }
-  PictureFolder folder;
+  ImageFolder folder;
   for (std::filesystem::directory_iterator at(directory, error), end; !error && at != end;
        at.increment(error)) {
     if (!is_image_name(at->path()) || (glob && !matches(*glob, at->path()))) continue;
@@ -164,14 +164,13 @@ Result<PictureFolder> list_pictures(const std::filesystem::path& directory,
   std::sort(folder.files.begin(), folder.files.end(), [](const auto& a, const auto& b) {
     return natural_less(a.filename().string(), b.filename().string());
   });
-  const auto kinds = glob ? std::vector<PictureKind>() : kinds_side_by_side(folder.files);
+  const auto kinds = glob ? std::vector<ImageKind>() : kinds_side_by_side(folder.files);
   if (kinds.empty()) return folder;
-  return fail(
-      ErrorCode::kConfiguration,
-      fmt::format("{}: pictures of {} kinds lie side by side: {}; choose one with match=, for example "
-                  "\"images:{}?match={}\" (match=* takes all of them as frames)",
-                  directory.string(), kinds.size(), kinds_text(kinds), directory.string(),
-                  glob_of(kinds.front(), kinds)));
+  return fail(ErrorCode::kConfiguration,
+              fmt::format("{}: images of {} kinds lie side by side: {}; choose one with match=, for example "
+                          "\"images:{}?match={}\" (match=* takes all of them as frames)",
+                          directory.string(), kinds.size(), kinds_text(kinds), directory.string(),
+                          glob_of(kinds.front(), kinds)));
 }
 
 }  // namespace cairn

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/bench/picture_statistics.h"
+#include "tests/bench/image_statistics.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -19,7 +19,7 @@ constexpr float kLeastVariance = 1e-6F;  ///< of the largest: what is less is ro
 
 using Rows = std::vector<Eigen::VectorXf>;
 
-Result<Rows> read_pictures(const std::string& uri, size_t every) {
+Result<Rows> read_images(const std::string& uri, size_t every) {
   auto source = open_source(uri);
   if (!source) return tl::unexpected(source.error());
   Rows rows;
@@ -61,26 +61,26 @@ Eigen::VectorXf draw(const Eigen::MatrixXf& root, std::mt19937_64* random) {
 
 }  // namespace
 
-Result<PictureStatistics> PictureStatistics::measure(const std::vector<std::string>& sources, size_t every,
-                                                     size_t apart) {
-  Rows pictures;
+Result<ImageStatistics> ImageStatistics::measure(const std::vector<std::string>& sources, size_t every,
+                                                 size_t apart) {
+  Rows images;
   Rows differences;
   const size_t step = std::max<size_t>(1, apart / every);
   for (const std::string& uri : sources) {
-    const auto rows = read_pictures(uri, every);
+    const auto rows = read_images(uri, every);
     if (!rows) return tl::unexpected(rows.error());
-    pictures.insert(pictures.end(), rows->begin(), rows->end());
-    // Of two independent pictures of a place: the difference has twice the variance.
+    images.insert(images.end(), rows->begin(), rows->end());
+    // Of two independent images of a place: the difference has twice the variance.
     for (size_t i = step; i < rows->size(); ++i)
       differences.emplace_back(((*rows)[i] - (*rows)[i - step]) / std::sqrt(2.0F));
   }
-  if (differences.empty()) return fail(ErrorCode::kUsage, "no recording has two pictures of 640x480");
-  PictureStatistics statistics;
-  statistics.frames_ = pictures.size();
+  if (differences.empty()) return fail(ErrorCode::kUsage, "no recording has two images of 640x480");
+  ImageStatistics statistics;
+  statistics.frames_ = images.size();
   statistics.mean_ = Eigen::VectorXf::Zero(kWidth * kHeight);
-  for (const Eigen::VectorXf& p : pictures) statistics.mean_ += p / static_cast<float>(pictures.size());
-  for (Eigen::VectorXf& p : pictures) p -= statistics.mean_;
-  const Eigen::MatrixXf all = covariance_of(pictures);
+  for (const Eigen::VectorXf& p : images) statistics.mean_ += p / static_cast<float>(images.size());
+  for (Eigen::VectorXf& p : images) p -= statistics.mean_;
+  const Eigen::MatrixXf all = covariance_of(images);
   const Eigen::MatrixXf within = covariance_of(differences);
   statistics.all_variances_ =
       Eigen::SelfAdjointEigenSolver<Eigen::MatrixXf>(all, Eigen::EigenvaluesOnly).eigenvalues();
@@ -89,7 +89,7 @@ Result<PictureStatistics> PictureStatistics::measure(const std::vector<std::stri
   return statistics;
 }
 
-size_t PictureStatistics::dimensions() const {
+size_t ImageStatistics::dimensions() const {
   const float enough = 0.999F * all_variances_.sum();
   float sum = 0;
   size_t count = 0;
@@ -97,15 +97,15 @@ size_t PictureStatistics::dimensions() const {
   return count;
 }
 
-double PictureStatistics::share_within() const {
+double ImageStatistics::share_within() const {
   return static_cast<double>(within_.squaredNorm() / all_variances_.sum());
 }
 
-Eigen::VectorXf PictureStatistics::draw_place(std::mt19937_64* random) const {
+Eigen::VectorXf ImageStatistics::draw_place(std::mt19937_64* random) const {
   return mean_ + draw(between_, random);
 }
 
-TinyImage PictureStatistics::draw_picture(const Eigen::VectorXf& place, std::mt19937_64* random) const {
+TinyImage ImageStatistics::draw_image(const Eigen::VectorXf& place, std::mt19937_64* random) const {
   const Eigen::VectorXf values = place + draw(within_, random);
   // Each value becomes four pixels whose mean comes nearest.
   GrayImage level3(2 * kWidth, 2 * kHeight);

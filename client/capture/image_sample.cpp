@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/capture/picture_sample.h"
+#include "client/capture/image_sample.h"
 
 #include <algorithm>
 #include <bit>
@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kPictures = 9;
+constexpr size_t kImages = 9;
 constexpr size_t kValues = 65536;
 constexpr int kAllBits = 16;
 constexpr int kLeastBits = 8;     ///< of a mapping: fewer would show noise
@@ -39,7 +39,7 @@ uint16_t exchanged(uint16_t value) {
   return static_cast<uint16_t>(value << 8 | value >> 8);
 }
 
-/// How much neighbours differ, right and below, for the spread of all: large for noise, small for pictures.
+/// How much neighbours differ, right and below, for the spread of all: large for noise, small for images.
 template <typename Value>
 double roughness(const DeepImage& image, Value value) {
   const auto width = static_cast<size_t>(image.width);
@@ -57,7 +57,7 @@ double roughness(const DeepImage& image, Value value) {
   return spread > 0 ? steps / spread : 0;
 }
 
-/// Headers of the pictures in a sample, and the values of those with more than 8 bits.
+/// Headers of the images in a sample, and the values of those with more than 8 bits.
 class Sampler {
  public:
   /// Whether it can be read.
@@ -74,13 +74,13 @@ class Sampler {
     if (header->bits > 8) count(bytes, header->format);
     return true;
   }
-  [[nodiscard]] PictureSample result() const {
-    PictureSample sample;
+  [[nodiscard]] ImageSample result() const {
+    ImageSample sample;
     if (sizes_.empty()) return sample;
     const auto commonest = std::max_element(sizes_.begin(), sizes_.end(), [&](const auto& a, const auto& b) {
       return std::count(sizes_.begin(), sizes_.end(), a) < std::count(sizes_.begin(), sizes_.end(), b);
     });
-    sample.size = PictureSize{commonest->first, commonest->second};
+    sample.size = ImageSize{commonest->first, commonest->second};
     for (const auto& [size, orientation] : orientations_)
       if (size == *commonest) sample.orientations.insert(orientation);
     const bool exchange = 2 * exchanged_ > deep_;
@@ -109,7 +109,7 @@ class Sampler {
   std::set<std::pair<std::pair<int, int>, int>> orientations_;
   DeepHistogram values_ = DeepHistogram(kValues);
   DeepHistogram exchanged_values_ = DeepHistogram(kValues);
-  size_t deep_ = 0;       ///< pictures with more than 8 bits
+  size_t deep_ = 0;       ///< images with more than 8 bits
   size_t exchanged_ = 0;  ///< of those
 };
 
@@ -135,10 +135,10 @@ bool has_exchanged_bytes(const DeepImage& image) {
                                                        image, [](uint16_t value) { return value; });
 }
 
-PictureSample sample_pictures(std::span<const std::filesystem::path> paths) {
+ImageSample sample_images(std::span<const std::filesystem::path> paths) {
   Sampler sampler;
   size_t readable = 0;
-  const size_t count = std::min(paths.size(), kPictures);
+  const size_t count = std::min(paths.size(), kImages);
   for (size_t i = 0; i < count; ++i) readable += sampler.look(paths[i * paths.size() / count]) ? 1 : 0;
   for (size_t i = 0; i < paths.size() && readable == 0; ++i) readable += sampler.look(paths[i]) ? 1 : 0;
   return sampler.result();

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/pictures/picture_choice.h"
+#include "client/app/images/image_choice.h"
 
 #include <utility>
 
-#include "client/app/pictures/picture_codec.h"
+#include "client/app/images/image_codec.h"
 
 namespace cairn {
 namespace {
@@ -21,19 +21,19 @@ std::string describe(const OtherView& view) {
            "; its cairn-track does not run on this host";
   }
   if (view.pixels.empty())
-    return view.camera + (view.age > kPictureTooOld ? ": no picture for " + since : ": is asked for");
-  if (is_stale(view)) return view.camera + ": STOPPED, the picture is " + since + " old";
+    return view.camera + (view.age > kImageTooOld ? ": no image for " + since : ": is asked for");
+  if (is_stale(view)) return view.camera + ": STOPPED, the image is " + since + " old";
   std::string text = view.camera + ": " + to_string(view.state);
   if (!view.map.empty()) text += ", " + view.map;
   if (!view.note.empty()) text += "; " + view.note;
   return text;
 }
 
-void PictureChoice::come(const wire::WearerCamera& camera) {
+void ImageChoice::come(const wire::WearerCamera& camera) {
   if (camera.name != name_) cameras_.insert(camera.name);
 }
 
-void PictureChoice::choose(const std::string& camera, MonotonicTime now) {
+void ImageChoice::choose(const std::string& camera, MonotonicTime now) {
   if (camera == view_.camera) return;
   ends_ = camera.empty();
   view_ = {};
@@ -42,23 +42,23 @@ void PictureChoice::choose(const std::string& camera, MonotonicTime now) {
   said_.reset();
 }
 
-std::optional<wire::PictureRequest> PictureChoice::request(MonotonicTime now) {
+std::optional<wire::PictureRequest> ImageChoice::request(MonotonicTime now) {
   if (std::exchange(ends_, false)) return wire::PictureRequest{name_, {}};
   if (view_.camera.empty() || (said_ && now - *said_ < kPictureRequestPeriod)) return std::nullopt;
   said_ = now;
   return wire::PictureRequest{name_, view_.camera};
 }
 
-void PictureChoice::receive(const wire::CameraPicture& picture, cv::Mat pixels, MonotonicTime now) {
-  if (picture.name != view_.camera) return;
+void ImageChoice::receive(const wire::CameraPicture& message, cv::Mat pixels, MonotonicTime now) {
+  if (message.name != view_.camera) return;
   view_.pixels = std::move(pixels);
-  view_.state = frame_state_of(picture.state);
-  view_.map = picture.map;
-  view_.note = picture.note;
+  view_.state = frame_state_of(message.state);
+  view_.map = message.map;
+  view_.note = message.note;
   since_ = now;
 }
 
-OtherView PictureChoice::view(MonotonicTime now) const {
+OtherView ImageChoice::view(MonotonicTime now) const {
   OtherView view = view_;
   view.is_there = cameras_.contains(view.camera);
   view.age = duration_cast<milliseconds>(now - since_);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/admin/proposal_picture.h"
+#include "server/admin/proposal_image.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ std::vector<uint8_t> grey_png(int width, int height, uint8_t grey) {
   return png;
 }
 
-TEST(ProposalPicture, MarksWhatWasFoundAndWhatIsMissing) {
+TEST(ProposalImage, MarksWhatWasFoundAndWhatIsMissing) {
   const std::vector<MarkedPoint> points{{20, 20, true}, {50, 30, false}, {0, 0, false}, {63, 47, true}};
   const auto drawn = with_points(grey_png(64, 48, 100), points);
   ASSERT_TRUE(drawn) << drawn.error().message;
@@ -28,7 +28,7 @@ TEST(ProposalPicture, MarksWhatWasFoundAndWhatIsMissing) {
   EXPECT_EQ(at(40, 40), cv::Vec3b(100, 100, 100));
 }
 
-TEST(ProposalPicture, WhatIsNoPictureIsRefused) {
+TEST(ProposalImage, WhatIsNoImageIsRefused) {
   const std::vector<uint8_t> nonsense(100, 7);
   const auto drawn = with_points(nonsense, {});
   ASSERT_FALSE(drawn);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/pictures/picture_link.h"
+#include "client/app/images/image_link.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "client/app/pictures/picture_codec.h"
+#include "client/app/images/image_codec.h"
 #include "common/base/cpu_time.h"
 #include "common/base/utf8.h"
 #include "common/wire/partition.h"
@@ -27,8 +27,8 @@ std::string list_of(const std::vector<std::string>& names) {
 
 }  // namespace
 
-Result<std::unique_ptr<PictureLink>> PictureLink::open(const PictureLinkOptions& options, CameraPtr camera,
-                                                       Logger log) {
+Result<std::unique_ptr<ImageLink>> ImageLink::open(const ImageLinkOptions& options, CameraPtr camera,
+                                                   Logger log) {
   wire::ParticipantOptions joining;
   joining.role = wire::Role::kWearerCamera;
   joining.domain = static_cast<uint32_t>(options.domain);
@@ -45,31 +45,30 @@ Result<std::unique_ptr<PictureLink>> PictureLink::open(const PictureLinkOptions&
                                wire::Reader<wire::PictureRequest>, wire::Reader<wire::CameraPicture>>(
       *participant, wire::wearer_partition(options.wearer));
   if (!made) return tl::unexpected(made.error());
-  auto& [own, requests, pictures, others, asked, seen] = *made;
+  auto& [own, requests, images, others, asked, seen] = *made;
   if (Status attached = waiter->attach({others, asked, seen}); !attached)
     return tl::unexpected(attached.error());
   const wire::WearerCamera self{options.name, static_cast<uint32_t>(camera->width()),
                                 static_cast<uint32_t>(camera->height())};
   if (Status written = own.write(self); !written) return tl::unexpected(written.error());
-  return std::unique_ptr<PictureLink>(
-      new PictureLink(options, std::move(camera), std::move(log), *std::move(participant), std::move(own),
-                      std::move(requests), std::move(pictures), std::move(others), std::move(asked),
-                      std::move(seen), *std::move(waiter)));
+  return std::unique_ptr<ImageLink>(new ImageLink(options, std::move(camera), std::move(log),
+                                                  *std::move(participant), std::move(own),
+                                                  std::move(requests), std::move(images), std::move(others),
+                                                  std::move(asked), std::move(seen), *std::move(waiter)));
 }
 
-PictureLink::PictureLink(const PictureLinkOptions& options, CameraPtr camera, Logger log,
-                         wire::Participant participant, wire::Writer<wire::WearerCamera> own,
-                         wire::Writer<wire::PictureRequest> requests,
-                         wire::Writer<wire::CameraPicture> pictures, wire::Reader<wire::WearerCamera> others,
-                         wire::Reader<wire::PictureRequest> asked, wire::Reader<wire::CameraPicture> seen,
-                         wire::Waiter waiter)
+ImageLink::ImageLink(const ImageLinkOptions& options, CameraPtr camera, Logger log,
+                     wire::Participant participant, wire::Writer<wire::WearerCamera> own,
+                     wire::Writer<wire::PictureRequest> requests, wire::Writer<wire::CameraPicture> images,
+                     wire::Reader<wire::WearerCamera> others, wire::Reader<wire::PictureRequest> asked,
+                     wire::Reader<wire::CameraPicture> seen, wire::Waiter waiter)
     : options_(options),
       camera_(std::move(camera)),
       log_(std::move(log)),
       participant_(std::move(participant)),
       own_(std::move(own)),
       requests_(std::move(requests)),
-      pictures_(std::move(pictures)),
+      images_(std::move(images)),
       others_(std::move(others)),
       asked_(std::move(asked)),
       seen_(std::move(seen)),
@@ -79,7 +78,7 @@ PictureLink::PictureLink(const PictureLinkOptions& options, CameraPtr camera, Lo
   thread_ = std::thread([this] { run(); });
 }
 
-void PictureLink::close() {
+void ImageLink::close() {
   if (!thread_.joinable()) return;
   ends_ = true;
   waiter_.wake();
@@ -89,7 +88,7 @@ void PictureLink::close() {
   (void)own_.dispose({options_.name});
 }
 
-void PictureLink::on_frame(const FrameReport& report) {
+void ImageLink::on_frame(const FrameReport& report) {
   if (!is_asked_) return;
   {
     const std::lock_guard lock(mutex_);
@@ -99,12 +98,12 @@ void PictureLink::on_frame(const FrameReport& report) {
   waiter_.wake();
 }
 
-std::vector<std::string> PictureLink::cameras() {
+std::vector<std::string> ImageLink::cameras() {
   const std::lock_guard lock(mutex_);
   return choice_.cameras();
 }
 
-void PictureLink::choose(const std::string& camera) {
+void ImageLink::choose(const std::string& camera) {
   {
     const std::lock_guard lock(mutex_);
     if (choice_.chosen() == camera) return;
@@ -113,17 +112,17 @@ void PictureLink::choose(const std::string& camera) {
   waiter_.wake();
 }
 
-OtherView PictureLink::view() {
+OtherView ImageLink::view() {
   const std::lock_guard lock(mutex_);
   return choice_.view(steady_clock::now());
 }
 
-PictureSummary PictureLink::summary() {
+ImageSummary ImageLink::summary() {
   const std::lock_guard lock(mutex_);
   return counts_;
 }
 
-void PictureLink::run() {
+void ImageLink::run() {
   while (!ends_) {
     bool is_busy = is_asked_;
     {
@@ -138,7 +137,7 @@ void PictureLink::run() {
   }
 }
 
-void PictureLink::listen() {
+void ImageLink::listen() {
   wire::take_all(others_, [this](const wire::Sample<wire::WearerCamera>& sample) {
     const std::lock_guard lock(mutex_);
     if (sample.message)
@@ -155,22 +154,22 @@ void PictureLink::listen() {
   });
 }
 
-void PictureLink::receive(const wire::CameraPicture& picture) {
+void ImageLink::receive(const wire::CameraPicture& message) {
   {
     const std::lock_guard lock(mutex_);
-    if (choice_.chosen() != picture.name) return;
+    if (choice_.chosen() != message.name) return;
   }
-  auto pixels = decode_picture(picture.picture);
+  auto pixels = decode_camera_image(message.image);
   if (!pixels) {
-    log_->debug("a picture of {} is dropped: {}", picture.name, pixels.error().message);
+    log_->debug("an image of {} is dropped: {}", message.name, pixels.error().message);
     return;
   }
   const std::lock_guard lock(mutex_);
-  choice_.receive(picture, *std::move(pixels), steady_clock::now());
+  choice_.receive(message, *std::move(pixels), steady_clock::now());
   ++counts_.received;
 }
 
-void PictureLink::ask() {
+void ImageLink::ask() {
   std::optional<wire::PictureRequest> request;
   {
     const std::lock_guard lock(mutex_);
@@ -179,8 +178,8 @@ void PictureLink::ask() {
   if (request) (void)requests_.write(*request);
 }
 
-/// The camera's picture without the status lines: those who get it have room for their own.
-void PictureLink::send() {
+/// The camera's image without the status lines: those who get it have room for their own.
+void ImageLink::send() {
   std::optional<OverlayFrame> frame;
   {
     const std::lock_guard lock(mutex_);
@@ -190,21 +189,21 @@ void PictureLink::send() {
   const auto start = thread_cpu_time();
   if (!overlay_) overlay_.emplace(camera_);
   const cv::Rect area(0, 0, camera_->width() * overlay_->scale(), camera_->height() * overlay_->scale());
-  wire::CameraPicture picture;
-  picture.name = options_.name;
-  picture.time = frame->time;
-  picture.state = tracking_state_of(frame->state);
-  picture.map = one_line(frame->map_name);
+  wire::CameraPicture message;
+  message.name = options_.name;
+  message.time = frame->time;
+  message.state = tracking_state_of(frame->state);
+  message.map = one_line(frame->map_name);
   const std::string& note = frame->rig.empty() ? frame->note : frame->rig;
-  picture.note = std::string(cut_text(one_line(note), wire::kMaxPictureNote));
-  picture.picture = encode_picture(overlay_->draw(*frame)(area));
-  const bool is_sent = pictures_.write(picture).has_value();
+  message.note = std::string(cut_text(one_line(note), wire::kMaxCameraPictureNote));
+  message.image = encode_camera_image(overlay_->draw(*frame)(area));
+  const bool is_sent = images_.write(message).has_value();
   const std::lock_guard lock(mutex_);
   counts_.sent += is_sent ? 1 : 0;
   counts_.cpu += thread_cpu_time() - start;
 }
 
-void PictureLink::tell() {
+void ImageLink::tell() {
   const MonotonicTime now = steady_clock::now();
   std::vector<std::string> askers;
   OtherView view;
@@ -217,10 +216,10 @@ void PictureLink::tell() {
   tell_demand(now, askers);
   std::string said;
   if (!view.camera.empty()) {
-    said = !view.is_there              ? "is not there"
-           : !is_stale(view)           ? "shows its pictures"
-           : view.age > kPictureTooOld ? "has given no picture for a second"
-                                       : "";
+    said = !view.is_there            ? "is not there"
+           : !is_stale(view)         ? "shows its images"
+           : view.age > kImageTooOld ? "has given no image for a second"
+                                     : "";
     if (said.empty()) return;
     said = "camera " + view.camera + " of wearer " + options_.wearer + ' ' + said;
   }
@@ -229,19 +228,19 @@ void PictureLink::tell() {
   said_ = std::move(said);
 }
 
-void PictureLink::tell_demand(MonotonicTime now, const std::vector<std::string>& askers) {
+void ImageLink::tell_demand(MonotonicTime now, const std::vector<std::string>& askers) {
   if (askers == askers_) return;
-  PictureSummary counts;
+  ImageSummary counts;
   {
     const std::lock_guard lock(mutex_);
     if (!askers_.empty()) counts_.asked += now - asked_since_;
     counts = counts_;
   }
   if (askers.empty()) {
-    log_->info("nobody asks for pictures of this camera any more; {} were sent", counts.sent - sent_before_);
+    log_->info("nobody asks for images of this camera any more; {} were sent", counts.sent - sent_before_);
     sent_before_ = counts.sent;
   } else {
-    log_->info("pictures of this camera go to {}", list_of(askers));
+    log_->info("images of this camera go to {}", list_of(askers));
   }
   asked_since_ = now;
   askers_ = askers;

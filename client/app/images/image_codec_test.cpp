@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/pictures/picture_codec.h"
+#include "client/app/images/image_codec.h"
 
 #include <gtest/gtest.h>
 
@@ -17,24 +17,24 @@ cv::Mat noise(int width, int height) {
   return pixels;
 }
 
-TEST(PictureCodec, APictureComesAsItWentWhereItFits) {
+TEST(ImageCodec, AnImageComesAsItWentWhereItFits) {
   cv::Mat pixels(480, 640, CV_8UC3, cv::Scalar(40, 90, 160));
   cv::circle(pixels, {200, 150}, 60, {200, 220, 30}, -1);
-  const auto message = encode_picture(pixels);
+  const auto message = encode_camera_image(pixels);
   EXPECT_EQ(message.encoding, wire::ImageEncoding::kJpeg);
-  const auto decoded = decode_picture(message);
+  const auto decoded = decode_camera_image(message);
   ASSERT_TRUE(decoded.has_value()) << decoded.error().message;
   ASSERT_EQ(decoded->size(), pixels.size());
   EXPECT_LT(cv::norm(*decoded, pixels, cv::NORM_L1) / static_cast<double>(3 * pixels.total()), 3);
 }
 
-TEST(PictureCodec, WhateverItShowsAPictureIsWithinItsBounds) {
+TEST(ImageCodec, WhateverItShowsAnImageIsWithinItsBounds) {
   for (const cv::Size size :
        {cv::Size(640, 480), cv::Size(1920, 1080), cv::Size(480, 2000), cv::Size(1, 4096)}) {
-    const auto message = encode_picture(noise(size.width, size.height));
-    EXPECT_LE(message.bytes.size(), wire::kMaxPictureBytes) << size;
-    EXPECT_LE(std::max(message.width, message.height), wire::kMaxPictureSide) << size;
-    const auto decoded = decode_picture(message);
+    const auto message = encode_camera_image(noise(size.width, size.height));
+    EXPECT_LE(message.bytes.size(), wire::kMaxCameraPictureBytes) << size;
+    EXPECT_LE(std::max(message.width, message.height), wire::kMaxCameraPictureSide) << size;
+    const auto decoded = decode_camera_image(message);
     ASSERT_TRUE(decoded.has_value()) << decoded.error().message;
     EXPECT_EQ(decoded->cols, static_cast<int>(message.width));
     const double shape = static_cast<double>(size.width) / size.height;
@@ -42,20 +42,20 @@ TEST(PictureCodec, WhateverItShowsAPictureIsWithinItsBounds) {
   }
 }
 
-TEST(PictureCodec, WhatIsNoPictureOfItsSizeIsRefused) {
-  const auto good = encode_picture(noise(64, 48));
+TEST(ImageCodec, WhatIsNoImageOfItsSizeIsRefused) {
+  const auto good = encode_camera_image(noise(64, 48));
   auto cut = good;
   cut.bytes.resize(cut.bytes.size() / 2);
-  EXPECT_FALSE(decode_picture(cut));
+  EXPECT_FALSE(decode_camera_image(cut));
   auto larger = good;
   larger.width = 32;
-  EXPECT_FALSE(decode_picture(larger)) << "memory is taken by what is said";
+  EXPECT_FALSE(decode_camera_image(larger)) << "memory is taken by what is said";
   auto other = good;
   other.bytes = {1, 2, 3};
-  EXPECT_FALSE(decode_picture(other));
+  EXPECT_FALSE(decode_camera_image(other));
 }
 
-TEST(PictureCodec, StatesGoAndComeBack) {
+TEST(ImageCodec, StatesGoAndComeBack) {
   for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kPoor,
                                  FrameState::kLost, FrameState::kRotation})
     EXPECT_EQ(frame_state_of(tracking_state_of(state)), state);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/capture/picture_folder.h"
+#include "client/capture/image_folder.h"
 
 #include <gmock/gmock.h>
 
@@ -18,7 +18,7 @@ std::vector<std::string> patterns_of(const std::vector<std::string>& names) {
   return patterns;
 }
 
-TEST(PictureKinds, SideBySideAreToldApart) {
+TEST(ImageKinds, SideBySideAreToldApart) {
   EXPECT_THAT(patterns_of({"f-0.color.jpg", "f-0.depth.png", "f-1.color.jpg", "f-1.depth.png"}),
               ElementsAre("f-*.color.jpg", "f-*.depth.png"));
   EXPECT_THAT(patterns_of({"0001.png", "0001_mask.png", "0002.png", "0002_mask.png", "0003.png"}),
@@ -28,7 +28,7 @@ TEST(PictureKinds, SideBySideAreToldApart) {
               ElementsAre("left*.png", "right*.png"));
 }
 
-TEST(PictureKinds, OneRecordingIsOne) {
+TEST(ImageKinds, OneRecordingIsOne) {
   EXPECT_TRUE(patterns_of({}).empty());
   EXPECT_TRUE(patterns_of({"0.png", "1.png", "10.png"}).empty());
   EXPECT_TRUE(patterns_of({"0-cover.jpg", "1.jpg", "2.jpg", "3.jpg"}).empty());
@@ -38,7 +38,7 @@ TEST(PictureKinds, OneRecordingIsOne) {
   EXPECT_TRUE(patterns_of({"day1_1.png", "day1_2.png", "night2_1.png", "night2_2.png"}).empty());
 }
 
-class PictureFolders : public FrameSourceFiles {
+class ImageFolders : public FrameSourceFiles {
  protected:
   std::vector<int> numbers_in(const std::string& options) {
     const auto source = open_source(uri("images", options));
@@ -50,9 +50,9 @@ class PictureFolders : public FrameSourceFiles {
   }
 };
 
-TEST_F(PictureFolders, HiddenFilesAreNoFrames) {
+TEST_F(ImageFolders, HiddenFilesAreNoFrames) {
   for (int i = 0; i < 3; ++i) {
-    write_picture("IMG_" + std::to_string(i) + ".jpg", i);
+    write_image("IMG_" + std::to_string(i) + ".jpg", i);
     write_text("._IMG_" + std::to_string(i) + ".jpg", "\1");
   }
   write_text(".DS_Store", "x");
@@ -68,10 +68,10 @@ TEST_F(PictureFolders, HiddenFilesAreNoFrames) {
   EXPECT_EQ((*open_source(uri("tum")))->frame_count(), 2U);
 }
 
-TEST_F(PictureFolders, SeveralKindsAreRefusedUntilOneIsChosen) {
+TEST_F(ImageFolders, SeveralKindsAreRefusedUntilOneIsChosen) {
   for (int i = 0; i < 3; ++i) {
-    write_picture("f-" + std::to_string(i) + ".color.jpg", i);
-    write_picture("f-" + std::to_string(i) + ".depth.png", i + 6);
+    write_image("f-" + std::to_string(i) + ".color.jpg", i);
+    write_image("f-" + std::to_string(i) + ".depth.png", i + 6);
   }
   const auto source = open_source(uri("images"));
   ASSERT_FALSE(source);
@@ -85,10 +85,10 @@ TEST_F(PictureFolders, SeveralKindsAreRefusedUntilOneIsChosen) {
   expect_open_error(uri("images", "?match=*.tif"), ErrorCode::kNotFound, "matches '*.tif'");
 }
 
-TEST_F(PictureFolders, TheGlobThatIsProposedTakesOneKind) {
+TEST_F(ImageFolders, TheGlobThatIsProposedTakesOneKind) {
   for (int i = 1; i <= 2; ++i) {
-    write_picture("000" + std::to_string(i) + ".png", i);
-    write_picture("000" + std::to_string(i) + "_mask.png", i + 6);
+    write_image("000" + std::to_string(i) + ".png", i);
+    write_image("000" + std::to_string(i) + "_mask.png", i + 6);
   }
   const auto source = open_source(uri("images"));
   ASSERT_FALSE(source);
@@ -98,12 +98,12 @@ TEST_F(PictureFolders, TheGlobThatIsProposedTakesOneKind) {
   EXPECT_THAT(numbers_in(text.substr(begin, text.find('"', begin) - begin)), ElementsAre(1, 2));
 }
 
-TEST_F(PictureFolders, TheCommonestSizeIsThatOfTheFrames) {
+TEST_F(ImageFolders, TheCommonestSizeIsThatOfTheFrames) {
   ASSERT_TRUE(cv::imwrite((dir() / "0-cover.jpg").string(), cv::Mat(20, 30, CV_8U, cv::Scalar(99))));
-  for (int i = 1; i < 5; ++i) write_picture(std::to_string(i) + ".jpg", i);
+  for (int i = 1; i < 5; ++i) write_image(std::to_string(i) + ".jpg", i);
   const auto source = open_source(uri("images"));
   ASSERT_TRUE(source) << source.error().message;
-  EXPECT_EQ((*source)->picture_size(), (PictureSize{kWidth, kHeight}));
+  EXPECT_EQ((*source)->image_size(), (ImageSize{kWidth, kHeight}));
   const auto taken = take_all(**source);
   EXPECT_THAT(taken.errors, ElementsAre(HasSubstr("0-cover.jpg: is 30x20, the others are 64x48")));
   ASSERT_EQ(taken.frames.size(), 4U);

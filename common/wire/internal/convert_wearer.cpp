@@ -92,7 +92,7 @@ cairn_CameraPicture encode(const CameraPicture& message, Scratch*) {
   sample.state = static_cast<uint8_t>(message.state);
   sample.map_name = borrow(message.map);
   sample.note = borrow(message.note);
-  sample.picture = encode_image(message.picture);
+  sample.picture = encode_image(message.image);
   return sample;
 }
 
@@ -111,19 +111,20 @@ Result<CameraPicture> decode<CameraPicture>(const cairn_CameraPicture& sample) {
   check.time(sample.time);
   check.require(sample.state <= static_cast<uint8_t>(TrackingState::kRotation), "unknown tracking state");
   check.text(sample.map_name, kMaxNameBytes);
-  check.text(sample.note, kMaxPictureNote);
+  check.text(sample.note, kMaxCameraPictureNote);
   check.image(sample.picture);
-  check.require(sample.picture.encoding == static_cast<uint8_t>(ImageEncoding::kJpeg), "picture is no JPEG");
-  check.require(sample.picture.width <= kMaxPictureSide && sample.picture.height <= kMaxPictureSide,
-                "picture too large");
-  check.require(sample.picture.bytes._length <= kMaxPictureBytes, "picture of too many bytes");
+  check.require(sample.picture.encoding == static_cast<uint8_t>(ImageEncoding::kJpeg), "image is no JPEG");
+  check.require(
+      sample.picture.width <= kMaxCameraPictureSide && sample.picture.height <= kMaxCameraPictureSide,
+      "image too large");
+  check.require(sample.picture.bytes._length <= kMaxCameraPictureBytes, "image of too many bytes");
   if (!check.passed()) return unfit(check.what());
   CameraPicture message = decode_key<CameraPicture>(sample);
   message.time = {sample.time};
   message.state = static_cast<TrackingState>(sample.state);
   message.map = get_text(sample.map_name);
   message.note = get_text(sample.note);
-  message.picture = decode_image(sample.picture);
+  message.image = decode_image(sample.picture);
   return message;
 }
 
