@@ -58,8 +58,9 @@ Result<Endpoint::Readers> Endpoint::make_readers(const wire::Participant& partic
       {std::move(*requests)}, {std::move(*rigs)},       std::move(*waiter)};
 }
 
-Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options, MapService::Lanes lanes,
-                                                  MapPersistence* store, SiteAccess& site, SiteKeys keys,
+Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
+                                                  MapService::Executors executors, MapPersistence* store,
+                                                  SiteAccess& site, SiteKeys keys,
                                                   std::vector<RestoredMap> restored, Logger log) {
   wire::ParticipantOptions joining = joining_options(options);
   joining.log = log;
@@ -67,7 +68,7 @@ Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
   if (!participant) return tl::unexpected(participant.error());
   auto readers = make_readers(*participant);
   if (!readers) return tl::unexpected(readers.error());
-  std::unique_ptr<Endpoint> endpoint(new Endpoint(options, lanes, store, site, std::move(keys),
+  std::unique_ptr<Endpoint> endpoint(new Endpoint(options, executors, store, site, std::move(keys),
                                                   std::move(*participant), std::move(*readers),
                                                   std::move(log)));
   endpoint->service_.resume(std::move(restored));
@@ -76,7 +77,7 @@ Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
   return endpoint;
 }
 
-Endpoint::Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPersistence* store,
+Endpoint::Endpoint(const ServiceOptions& options, MapService::Executors executors, MapPersistence* store,
                    SiteAccess& site, SiteKeys keys, wire::Participant participant, Readers readers,
                    Logger log)
     : clock_(options.clock),
@@ -86,7 +87,8 @@ Endpoint::Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPe
       door_(std::move(keys), log, options.refused),
       look_for_gone_at_(clock_->now() + kLookForGone),
       service_(
-          options, lanes, store, site, *this, [this](Task task) { post(std::move(task)); }, std::move(log)) {}
+          options, executors, store, site, *this, [this](Task task) { post(std::move(task)); },
+          std::move(log)) {}
 
 void Endpoint::stop() {
   std::vector<Task> dropped;  // outside of the lock: what they hold may post

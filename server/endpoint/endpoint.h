@@ -33,21 +33,22 @@ class Endpoint : private ServiceOutput {
  public:
   /// With all `restored` maps being served on return.
   [[nodiscard]] static Result<std::unique_ptr<Endpoint>> start(const ServiceOptions& options,
-                                                               MapService::Lanes lanes, MapPersistence* store,
-                                                               SiteAccess& site, SiteKeys keys,
+                                                               MapService::Executors executors,
+                                                               MapPersistence* store, SiteAccess& site,
+                                                               SiteKeys keys,
                                                                std::vector<RestoredMap> restored, Logger log);
   ~Endpoint() override { stop(); }
   Endpoint(const Endpoint&) = delete;
   Endpoint& operator=(const Endpoint&) = delete;
 
-  /// Ends the thread and tells the maps to stop. Running work may call the service's Post until its lane has
-  /// ended: outlive the lanes.
+  /// Ends the thread and tells the maps to stop. Running work may call the service's Post until its executor
+  /// has ended: outlive the executors.
   void stop();
   /// See Service. Thread-safe.
   void publish(MapSnapshotPtr snapshot);
   [[nodiscard]] std::vector<MapSnapshotPtr> maps() const { return service_.maps(); }
   [[nodiscard]] const wire::NetworkPath& network() const { return participant_.path(); }
-  /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
+  /// Hands what has changed in all maps to the store. After stop(), when the executors have ended.
   void save_last_changes() { service_.save_last_changes(); }
 
  private:
@@ -65,8 +66,8 @@ class Endpoint : private ServiceOutput {
     wire::Waiter waiter;
   };
   [[nodiscard]] static Result<Readers> make_readers(const wire::Participant& participant);
-  Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPersistence* store, SiteAccess& site,
-           SiteKeys keys, wire::Participant participant, Readers readers, Logger log);
+  Endpoint(const ServiceOptions& options, MapService::Executors executors, MapPersistence* store,
+           SiteAccess& site, SiteKeys keys, wire::Participant participant, Readers readers, Logger log);
 
   // The loop.
   void run();

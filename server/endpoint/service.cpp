@@ -57,8 +57,8 @@ wire::ParticipantOptions joining_options(const ServiceOptions& options) {
   return joining;
 }
 
-/// close(), in order: the endpoint takes nothing more, all lanes end (running work may still call it and
-/// the other lanes), the last changes go to the store, whose writer ends (its callbacks may call all of
+/// close(), in order: the endpoint takes nothing more, all executors end (running work may still call it and
+/// the other executors), the last changes go to the store, whose writer ends (its callbacks may call all of
 /// them), then all go.
 struct Service::State {
   State(int workers, const Logger& log)
@@ -122,9 +122,9 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  const MapService::Lanes lanes{state->urgent, state->background, state->questions, state->idle,
-                                state->site_changes};
-  auto endpoint = Endpoint::start(known, lanes, state->store.get(), *state->site, *std::move(keys),
+  const MapService::Executors executors{state->urgent, state->background, state->questions, state->idle,
+                                        state->site_changes};
+  auto endpoint = Endpoint::start(known, executors, state->store.get(), *state->site, *std::move(keys),
                                   std::move(restored), std::move(log));
   if (!endpoint) return tl::unexpected(endpoint.error());
   state->endpoint = std::move(*endpoint);

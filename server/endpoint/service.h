@@ -21,7 +21,7 @@ struct ServiceOptions : MapServiceOptions {
   std::string listen;  ///< interface or address; empty: by profile
   std::string profile = "loopback";
   std::filesystem::path store;  ///< folder in which all is kept; empty: in memory only
-  int workers = 2;              ///< of the urgent lane
+  int workers = 2;              ///< of the urgent executor
   /// Of a secured site, where nobody may do anything until its operators have said who may; empty: an open
   /// one, where everybody may write and make maps until they say otherwise.
   std::string security;

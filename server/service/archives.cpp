@@ -36,11 +36,11 @@ void Archives::export_map(MapId id, const MapEntry& entry, const AdminAnswer& an
     if (!archive) return telling(answer, refusal(archive.error()));
     return telling(answer, told::Archive{*archive, name, id});
   };
-  beside_store_when_kept(context_, *entry.runner, answer, copy);
+  on_store_strand_when_kept(context_, *entry.runner, answer, copy);
 }
 
 void Archives::read(const asked::ExportRead& piece, const AdminAnswer& answer) {
-  beside_store(context_, answer, [this, piece, answer](const Store&) -> Task {
+  on_store_strand(context_, answer, [this, piece, answer](const Store&) -> Task {
     auto data = transfers_->read(piece.token, piece.offset, wire::kMaxAdminData, context_.now());
     if (!data) return telling(answer, refusal(data.error()));
     return telling(answer, told::Piece{std::move(*data)});
@@ -48,14 +48,14 @@ void Archives::read(const asked::ExportRead& piece, const AdminAnswer& answer) {
 }
 
 void Archives::begin_import(const asked::ImportBegin& ask, const AdminAnswer& answer) {
-  beside_store(context_, answer, [this, ask, answer](const Store&) -> Task {
+  on_store_strand(context_, answer, [this, ask, answer](const Store&) -> Task {
     const Status begun = transfers_->begin_import(ask.token, context_.now());
     return telling(answer, begun ? told::Nothing() : refusal(begun.error()));
   });
 }
 
 void Archives::write(const asked::ImportWrite& piece, std::vector<uint8_t> data, const AdminAnswer& answer) {
-  beside_store(context_, answer, [this, piece, data = std::move(data), answer](const Store&) -> Task {
+  on_store_strand(context_, answer, [this, piece, data = std::move(data), answer](const Store&) -> Task {
     const Status written = transfers_->write(piece.token, piece.offset, data, context_.now());
     return telling(answer, written ? told::Nothing() : refusal(written.error()));
   });
@@ -84,11 +84,11 @@ void Archives::import_map(const asked::Import& ask, const AdminAnswer& answer) {
     maps_.take_in(*imported, &Store::undo_import, answer);
     return {};
   };
-  beside_store(context_, answer, take);
+  on_store_strand(context_, answer, take);
 }
 
 void Archives::expire() {
-  context_.store->run_beside(
+  context_.store->run_on_strand(
       [transfers = transfers_, clock = context_.options.clock](Store&) { transfers->expire(clock->now()); });
 }
 

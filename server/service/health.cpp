@@ -55,7 +55,7 @@ void Health::note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unl
 }
 
 void Health::look_again() {
-  context_.store->run_beside([this](const Store& store) {
+  context_.store->run_on_strand([this](const Store& store) {
     context_.post([this, damaged = store.damaged_files(), unloaded = context_.store->opening().unloaded()] {
       note(damaged, unloaded);
     });

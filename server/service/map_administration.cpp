@@ -91,7 +91,7 @@ void MapAdministration::remove(MapId id, MapEntry* entry, bool for_good, const A
   };
   entry->runner->flush([this, answer, let_go](const Status&) {  // a full disk keeps no map from going
     context_.store->run([this, answer, let_go](const Store&) {
-      beside_store(context_, answer, [this, let_go](const Store&) -> Task {
+      on_store_strand(context_, answer, [this, let_go](const Store&) -> Task {
         context_.store->run(let_go);
         return {};
       });
@@ -133,7 +133,7 @@ void MapAdministration::drop_dead(MonotonicTime now) {
 void MapAdministration::answer_without_map(const std::string& verb, const std::string& wanted,
                                            const AdminAnswer& answer) {
   if (context_.store == nullptr) return answer(unknown_map(wanted));
-  beside_store(context_, answer, [verb, wanted, answer](const Store& store) -> Task {
+  on_store_strand(context_, answer, [verb, wanted, answer](const Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto told = [&]() -> OperatorAnswer {
       if (maps.empty()) return unknown_map(wanted);
@@ -150,7 +150,7 @@ void MapAdministration::undelete(const std::string& wanted, const AdminAnswer& a
   std::optional<told::BusyMap> live;
   if (entry != nullptr) live = overview_.describe(id, *entry);
   const std::string full = capacity_.why_full();
-  beside_store(context_, answer, [this, wanted, answer, live, full](Store& store) -> Task {
+  on_store_strand(context_, answer, [this, wanted, answer, live, full](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto say = [&answer](OperatorAnswer told) { return telling(answer, std::move(told)); };
     if (maps.empty() && live) return say(*live);
@@ -169,7 +169,7 @@ void MapAdministration::undelete(const std::string& wanted, const AdminAnswer& a
 }
 
 void MapAdministration::purge(const std::string& wanted, const AdminAnswer& answer) {
-  beside_store(context_, answer, [this, wanted, answer](Store& store) -> Task {
+  on_store_strand(context_, answer, [this, wanted, answer](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto say = [&answer](OperatorAnswer told) { return telling(answer, std::move(told)); };
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
@@ -187,7 +187,7 @@ void MapAdministration::purge(const std::string& wanted, const AdminAnswer& answ
 
 void MapAdministration::purge_old() {
   if (context_.options.keep_deleted.count() == 0) return;
-  context_.store->run_beside([this, now = context_.wall()](Store& store) {
+  context_.store->run_on_strand([this, now = context_.wall()](Store& store) {
     for (const DeletedMap& map : store.deleted_maps()) {
       if (map.problem || now - map.deleted < context_.options.keep_deleted)
         continue;  // what may be read again tomorrow stays

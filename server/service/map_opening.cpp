@@ -178,7 +178,7 @@ void MapOpening::change_state(MapId map, const MapMakerOptions& options, Restore
                               StateChange how) {
   with_.run([this, map, options, images, how = std::move(how)](Store& writers) {
     writers.let_go(map);
-    with_.beside->submit_within(how.place, [this, map, options, images, how] {
+    with_.strand->submit_within(how.place, [this, map, options, images, how] {
       Store& store = with_.store;
       const AcceptState accept = [&](StoredMap state) -> Status {
         store.note_lost_proposals(map, state);

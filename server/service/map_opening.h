@@ -13,7 +13,7 @@
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/place_index.h"
 #include "server/service/executor.h"
-#include "server/service/held_lane.h"
+#include "server/service/held_strand.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -48,7 +48,7 @@ class MapOpening {
   struct With {
     Store& store;
     std::function<void(std::function<void(Store& store)> task)> run;  ///< in the writer's turn
-    std::shared_ptr<HeldLane> beside;
+    std::shared_ptr<HeldStrand> strand;
     Logger log;
   };
   explicit MapOpening(With with) : with_(std::move(with)), unloaded_(with_.store.unplaced()) {}
@@ -74,9 +74,9 @@ class MapOpening {
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, const Parallel& parallel,
                                                  RestoredImages images = RestoredImages::kStay);
 
-  /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_beside()). If it
-  /// cannot be loaded, `undo` takes it back to where it was: nothing has happened then. `done` is called by
-  /// the writer.
+  /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_on_strand()). If
+  /// it cannot be loaded, `undo` takes it back to where it was: nothing has happened then. `done` is called
+  /// by the writer.
   using Undo = Status (Store::*)(MapId map);
   void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images, Undo undo,
                    std::function<void(Result<RestoredMap>)> done);
@@ -88,7 +88,7 @@ class MapOpening {
   /// durable. One that is damaged, or that `take` throws at, is not put there. `done` is called by the
   /// writer, with what has come of it: an error, and nothing has happened.
   struct StateChange {
-    HeldLane::Hold place;  ///< of hold_beside()
+    HeldStrand::Hold place;  ///< of hold_strand()
     std::function<Status(Store& store, const AcceptState& accept)> change;
     std::function<void(RestoredMap map)> take;
     std::function<void(const Status& changed)> done;

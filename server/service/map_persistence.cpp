@@ -27,15 +27,15 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Lo
       log_(std::move(log)),
       clock_(std::move(runtime.clock)),
       writer_(std::move(runtime.writer)),
-      beside_(std::make_shared<HeldLane>(std::move(runtime.beside))),
+      strand_(std::make_shared<HeldStrand>(std::move(runtime.strand))),
       examiner_(std::move(runtime.examiner)),
-      opening_({*store_, [this](std::function<void(Store&)> task) { run(std::move(task)); }, beside_, log_}) {
+      opening_({*store_, [this](std::function<void(Store&)> task) { run(std::move(task)); }, strand_, log_}) {
   writer_->begin([this] { return work(); });
 }
 
 MapPersistence::~MapPersistence() {
   examiner_->stop();
-  beside_->stop();
+  strand_->stop();
   writer_->finish();
 }
 
@@ -70,12 +70,12 @@ void MapPersistence::post(Job job) {
   writer_->wake();
 }
 
-void MapPersistence::run_beside(std::function<void(Store& store)> task) {
-  beside_->submit([this, task = std::move(task)] { task(*store_); });
+void MapPersistence::run_on_strand(std::function<void(Store& store)> task) {
+  strand_->submit([this, task = std::move(task)] { task(*store_); });
 }
 
-void MapPersistence::hold_beside(std::function<void(HeldLane::Hold place)> then) {
-  beside_->hold(std::move(then));
+void MapPersistence::hold_strand(std::function<void(HeldStrand::Hold place)> then) {
+  strand_->hold(std::move(then));
 }
 
 void MapPersistence::run_examination(std::function<void(const std::filesystem::path& folder)> task) {

@@ -13,7 +13,7 @@
 #include "common/base/log.h"
 #include "server/service/clock.h"
 #include "server/service/executor.h"
-#include "server/service/held_lane.h"
+#include "server/service/held_strand.h"
 #include "server/service/map_opening.h"
 #include "server/store/store.h"
 
@@ -44,7 +44,7 @@ class MapPersistence {
   struct Runtime {
     std::shared_ptr<const Clock> clock;
     std::unique_ptr<Turns> writer;
-    std::unique_ptr<Executor> beside;    ///< one task at a time
+    std::unique_ptr<Executor> strand;    ///< one task at a time
     std::unique_ptr<Executor> examiner;  ///< likewise
   };
   /// Errors: as Store::open().
@@ -74,10 +74,10 @@ class MapPersistence {
   void run(std::function<void(Store& store)> task);
   /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
   /// maps are being written; dropped at the end.
-  void run_beside(std::function<void(Store& store)> task);
+  void run_on_strand(std::function<void(Store& store)> task);
   /// Waits for all that: `then` is called by that thread, and nothing else begins there while its `place`
   /// lives. For what a map is stopped for: it is stopped after the wait.
-  void hold_beside(std::function<void(HeldLane::Hold place)> then);
+  void hold_strand(std::function<void(HeldStrand::Hold place)> then);
   /// What takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the end.
   void run_examination(std::function<void(const std::filesystem::path& folder)> task);
   /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
@@ -125,7 +125,7 @@ class MapPersistence {
 
   const std::shared_ptr<const Clock> clock_;
   std::unique_ptr<Turns> writer_;
-  std::shared_ptr<HeldLane> beside_;
+  std::shared_ptr<HeldStrand> strand_;
   std::unique_ptr<Executor> examiner_;
   MapOpening opening_;
 };

@@ -184,9 +184,9 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedGoesBackToWhereItCameFrom) {
     SCOPED_TRACE(problem);
     std::filesystem::copy_file(archive, deleted, std::filesystem::copy_options::overwrite_existing);
     ASSERT_TRUE(sqlite::Database::open(deleted, sqlite::OpenMode::kReadWrite)->execute(problem));
-    store->run_beside([&](Store& s) { EXPECT_TRUE(s.undelete(header_.id)); });
+    store->run_on_strand([&](Store& s) { EXPECT_TRUE(s.undelete(header_.id)); });
     std::promise<Status> refused;
-    store->run_beside([&](Store&) { refused.set_value(restored(store.get())); });
+    store->run_on_strand([&](Store&) { refused.set_value(restored(store.get())); });
     EXPECT_FALSE(refused.get_future().get());
     EXPECT_TRUE(std::filesystem::exists(deleted));
     EXPECT_FALSE(std::filesystem::exists(file()));

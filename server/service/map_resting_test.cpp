@@ -75,7 +75,7 @@ TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
   grow(map.get(), 8);
   WorkerPool questions(1, 0, null_logger());
   const auto desk =
-      std::make_shared<PlaceDesk>(PlaceDesk::Lanes{urgent_, questions, background_}, RelocOptions{},
+      std::make_shared<PlaceDesk>(PlaceDesk::Executors{urgent_, questions, background_}, RelocOptions{},
                                   std::make_shared<SystemClock>(), null_logger());
   const auto report = [&] {
     MapRevision now = map->newest();
@@ -127,7 +127,7 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
 
   const Revision next{map->newest().snapshot->revision.value + 1};
   {
-    const auto blocked = block_urgent_lane();
+    const auto blocked = block_urgent_executor();
     map->runner().rename("bench", [](const Status&) {});
     map->runner().rest({epoch, next});
   }
@@ -137,7 +137,7 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
 
   std::future<OfferJudgement> offered;
   {
-    const auto blocked = block_urgent_lane();
+    const auto blocked = block_urgent_executor();
     offered = map->send(frame(*map, 8), false);
     map->runner().rest({epoch, Revision{next.value + 1}});
   }

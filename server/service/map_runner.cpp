@@ -82,17 +82,17 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
   return std::make_shared<const GrayImage>(std::move(*decoded));
 }
 
-MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
-                     std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times)
-    : background_(lanes.background),
-      queue_(lanes.urgent),
+MapRunner::MapRunner(Executors executors, const MapMakerOptions& options, MapPersistence* store,
+                     Listener listener, std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times)
+    : background_(executors.background),
+      queue_(executors.urgent),
       options_(options),
       store_(store),
       clock_(std::move(clock)),
       listener_(std::move(listener)),
       log_(std::move(log)),
       times_(times),
-      urgent_(lanes.urgent) {}
+      urgent_(executors.urgent) {}
 
 void MapRunner::start(SeedJob job, SeedDone done) {
   auto make = [self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
@@ -354,9 +354,9 @@ void MapRunner::begin_global_adjustment() {
   });
 }
 
-void MapRunner::adjust_globally(Executor* lane, std::function<void(bool adopted)> then) {
+void MapRunner::adjust_globally(Executor* executor, std::function<void(bool adopted)> then) {
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
-  lane->submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
+  executor->submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
     bool solved = false;
     const auto before = thread_cpu_time();
     try {

@@ -21,7 +21,7 @@
 #include "server/service/map_persistence.h"
 #include "server/service/offer_chain.h"
 #include "server/service/pending_offers.h"
-#include "server/service/serial_queue.h"
+#include "server/service/strand.h"
 #include "server/service/work_times.h"
 
 namespace cairn {
@@ -86,15 +86,15 @@ struct MapMeasures {
 };
 
 /// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
-/// them, also to those of other maps); global adjustments run on a copy in the other lane and are adopted on
-/// the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
+/// them, also to those of other maps); global adjustments run on a copy in the other executor and are adopted
+/// on the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
 /// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
 /// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
 /// rest: its images are let go, and read back before the next step of its work. Every job is answered,
 /// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
-  struct Lanes {
+  struct Executors {
     Executor& urgent;
     Executor& background;
   };
@@ -109,8 +109,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
   using OfferDone = std::function<void(OfferJudgement judgement)>;
 
-  /// `store` and `times` outlive the lanes; null: nothing is kept, nothing is counted.
-  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
+  /// `store` and `times` outlive the executors; null: nothing is kept, nothing is counted.
+  MapRunner(Executors executors, const MapMakerOptions& options, MapPersistence* store, Listener listener,
             std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times = nullptr);
 
   /// Makes the map, unless the seed is withdrawn meanwhile; to be called once, before anything else.
@@ -145,7 +145,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// Hands what has changed to the store. `then` is called by the writer, or on the queue where nothing is
   /// handed in (any more). A map that is frozen stays as it was kept last.
   void flush(Kept then);
-  /// Hands what has changed to the store. For the end, when no lane runs any more.
+  /// Hands what has changed to the store. For the end, when no executor runs any more.
   void save_last_changes();
 
  private:
@@ -169,8 +169,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// `then` is called, whether or not the work has failed.
   void finish_all_work(int adjustments, std::function<void()> then);
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
-  /// Solves in a lane and adopts on the queue, then calls `then` there.
-  void adjust_globally(Executor* lane, std::function<void(bool adopted)> then);
+  /// Solves in an executor and adopts on the queue, then calls `then` there.
+  void adjust_globally(Executor* executor, std::function<void(bool adopted)> then);
   // Images let go and read back (map_resting.cpp).
   [[nodiscard]] bool may_rest(const std::pair<Epoch, Revision>& indexed) const;
   /// Whether the next step of its work needs images that have been let go.
@@ -213,7 +213,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   [[nodiscard]] MapUpdate take_update();
 
   Executor& background_;
-  SerialQueue queue_;
+  Strand queue_;
   MapMakerOptions options_;
   MapPersistence* store_;
   std::shared_ptr<const Clock> clock_;

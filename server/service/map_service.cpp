@@ -17,9 +17,9 @@ constexpr int kTicksPerExpiry = 300;  // a minute
 
 }  // namespace
 
-MapService::MapService(const MapServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
-                       ServiceOutput& output, Post post, Logger log)
-    : context_{options, lanes, store, site, output, std::move(post), std::move(log)},
+MapService::MapService(const MapServiceOptions& options, Executors executors, MapPersistence* store,
+                       SiteAccess& site, ServiceOutput& output, Post post, Logger log)
+    : context_{options, executors, store, site, output, std::move(post), std::move(log)},
       maps_(context_),
       capacity_(context_.options, maps_.array()),
       clients_(context_),
@@ -57,7 +57,7 @@ void MapService::listen() {
                   on_map_shown(map, entry, std::move(revision));
                 },
                 [this](MapId map, bool was_shown) { on_map_gone(map, was_shown); }});
-  context_.site.run_by({context_.lanes.site, [this](Task task) { context_.post(std::move(task)); }});
+  context_.site.run_by({context_.executors.site, [this](Task task) { context_.post(std::move(task)); }});
 }
 
 void MapService::resume(std::vector<RestoredMap> restored) {
@@ -119,7 +119,7 @@ void MapService::tick(MonotonicTime now) {
   clients_.tell_status({context_.options.server, context_.options.start_count, std::string(version()),
                         health_.words(), static_cast<uint32_t>(sessions_.live_count(now)),
                         static_cast<uint32_t>(maps_.array().live_count()),
-                        context_.lanes.urgent.take_load()});
+                        context_.executors.urgent.take_load()});
   if (++ticks_ % kTicksPerExpiry == 0 && context_.store != nullptr) {
     archives_.expire();
     health_.look_again();

@@ -27,9 +27,10 @@ struct FollowedMap {
 /// Nothing here is shared: all is called on one thread, the home of the service, unless said otherwise.
 class MapService {
  public:
-  using Lanes = ServiceLanes;
-  /// The lanes, `store` (null: nothing is kept), `site`, `output` and what `post` needs outlive the service.
-  MapService(const MapServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
+  using Executors = ServiceExecutors;
+  /// The executors, `store` (null: nothing is kept), `site`, `output` and what `post` needs outlive the
+  /// service.
+  MapService(const MapServiceOptions& options, Executors executors, MapPersistence* store, SiteAccess& site,
              ServiceOutput& output, Post post, Logger log);
   MapService(const MapService&) = delete;
   MapService& operator=(const MapService&) = delete;
@@ -38,7 +39,7 @@ class MapService {
   void resume(std::vector<RestoredMap> restored);
   /// Tells the maps to stop: running work ends soon.
   void stop();
-  /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
+  /// Hands what has changed in all maps to the store. After stop(), when the executors have ended.
   void save_last_changes();
   /// What is due by time; when the next is, next_tick() says.
   void tick(MonotonicTime now);

@@ -58,12 +58,12 @@ told::Contributors contributors_of(const MapSnapshot& map, std::span<const Contr
 }
 
 /// The map can be stopped now.
-using Stoppable = std::function<void(MapEntry* entry, const HeldLane::Hold& place)>;
+using Stoppable = std::function<void(MapEntry* entry, const HeldStrand::Hold& place)>;
 /// What others have going on beside the writer, an archive or a backup, is waited for with the map at work.
 void when_stoppable(const ServiceContext& context, ServedMaps& maps, MapId id, const AdminAnswer& answer,
                     Stoppable then) {
-  context.store->hold_beside(
-      [&context, &maps, id, answer, then = std::move(then)](const HeldLane::Hold& place) {
+  context.store->hold_strand(
+      [&context, &maps, id, answer, then = std::move(then)](const HeldStrand::Hold& place) {
         context.post([&maps, id, answer, then, place] {
           MapEntry* entry = maps.array().find(id);
           if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
@@ -114,7 +114,7 @@ void MapVersions::compact(MapId id, const std::string& name) {
     return compact_map(&store, id, accept);
   };
   // Others may have been waited for, and somebody has come meanwhile.
-  const auto in_place = [this, id, change, done](MapEntry* entry, const HeldLane::Hold& place) {
+  const auto in_place = [this, id, change, done](MapEntry* entry, const HeldStrand::Hold& place) {
     if (!is_unused(id, *entry)) return done(refusal(ErrorCode::kRefused, "somebody uses it again"));
     change_state_in_place(id, entry, change, place, done);
   };
@@ -166,7 +166,7 @@ void MapVersions::take(const Meant& map, const asked::RollBack& ask, const Admin
     const auto tag = store.find_tag(id, name);
     if (!tag) return context_.post(telling(answer, refusal(tag.error())));
     context_.post([this, id, author, tag = *tag, answer] {
-      const auto roll_back = [this, id, author, tag, answer](MapEntry* entry, const HeldLane::Hold& place) {
+      const auto roll_back = [this, id, author, tag, answer](MapEntry* entry, const HeldStrand::Hold& place) {
         if (std::string why = why_tag_is_too_large(*entry, tag); !why.empty())
           return answer(refusal(ErrorCode::kRefused, std::move(why)));
         const MapTag before = tag_now({id, entry, author}, tag.name);
@@ -225,7 +225,7 @@ void MapVersions::take(const Meant& map, const asked::Copy& ask, const AdminAnsw
     administration_.take_in(copy, &Store::undo_import, answer);
     return {};
   };
-  beside_store_when_kept(context_, *map.entry->runner, answer, make);
+  on_store_strand_when_kept(context_, *map.entry->runner, answer, make);
 }
 
 std::string MapVersions::why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const {
@@ -237,15 +237,15 @@ std::string MapVersions::why_tag_is_too_large(const MapEntry& entry, const MapTa
 
 void MapVersions::change_state(MapId id, ChangeOfState change, const AdminAnswer& answer) {
   const auto in_place = [this, id, change = std::move(change), answer](MapEntry* entry,
-                                                                       const HeldLane::Hold& place) {
+                                                                       const HeldStrand::Hold& place) {
     change_state_in_place(id, entry, change, place, answer);
   };
   when_stoppable(context_, maps_, id, answer, in_place);
 }
 
 /// From the moment when the map's file becomes another, nothing of what the map was is written any more.
-void MapVersions::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
-                                        const AdminAnswer& answer) {
+void MapVersions::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change,
+                                        HeldStrand::Hold place, const AdminAnswer& answer) {
   entry->rolling_back = true;
   maps_.young().forget(id);
   const auto next = std::make_shared<std::optional<ResumedMap>>();

@@ -53,7 +53,7 @@ class MapVersions {
   /// The map is served from another state of its file in a new epoch, or nothing has happened.
   using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
   void change_state(MapId id, ChangeOfState change, const AdminAnswer& answer);
-  void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
+  void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldStrand::Hold place,
                              const AdminAnswer& answer);
   void replace(ResumedMap map, const AdminAnswer& answer);
   /// Nobody is in it, and nothing has come for it for so long that nobody has kept something for it.

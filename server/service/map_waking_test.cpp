@@ -43,7 +43,7 @@ TEST_F(LargeImagesTest, TheWriterReadsSoManyBytesInOneTurn) {
   auto writer = map->block_writer();
   auto waiting = map->send(frame(*map, 11));
   map->settle_queue();  // the first turn is asked for
-  const auto queue = block_urgent_lane();
+  const auto queue = block_urgent_executor();
   writer->release();
   map->settle_writer();
   map->damage("DELETE FROM images WHERE id = 3");
@@ -156,7 +156,7 @@ TEST_F(ReadingBackTest, AMapThatIsDeletedWhileItsImagesComeBackAnswers) {
   auto writer = map->block_writer();
   auto waiting = map->send(frame(*map, 5));
   map->settle_queue();
-  const auto queue = block_urgent_lane();
+  const auto queue = block_urgent_executor();
   writer->release();
   map->settle_writer();  // they have been read
   map->runner().retire();

@@ -20,9 +20,9 @@ RelocOptions confirming(RelocOptions options) {
 
 }  // namespace
 
-OverlapWatch::OverlapWatch(Executor& lane, const RelocOptions& options, IndexSource index, Listener listener,
-                           Logger log, WorkTimes* times)
-    : lane_(lane),
+OverlapWatch::OverlapWatch(Executor& executor, const RelocOptions& options, IndexSource index,
+                           Listener listener, Logger log, WorkTimes* times)
+    : executor_(executor),
       options_(confirming(options)),
       index_(std::move(index)),
       listener_(std::move(listener)),
@@ -43,7 +43,7 @@ void OverlapWatch::note_searched(const IndexedMapPtr& map, std::span<const Keyfr
     if (waiting.size() > kMostWaiting) {
       waiting.pop_front();
     } else {
-      lane_.submit([self = shared_from_this(), id] { self->check(id); });
+      executor_.submit([self = shared_from_this(), id] { self->check(id); });
     }
   }
 }

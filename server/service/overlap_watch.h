@@ -18,17 +18,17 @@
 namespace cairn {
 
 /// Notices that a map grows over another: asks about each new keyframe whether another map knows its place.
-/// In a lane that stands back for all others; of a map eight keyframes wait at most, the newest, so that it
-/// may pass over some. Thread-safe; tasks keep it alive.
+/// In an executor that stands back for all others; of a map eight keyframes wait at most, the newest, so that
+/// it may pass over some. Thread-safe; tasks keep it alive.
 class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
  public:
   using IndexSource = std::function<std::shared_ptr<const PlaceIndex>()>;
-  /// Called in the lane, each time that a keyframe tells of an overlap.
+  /// Called in the executor, each time that a keyframe tells of an overlap.
   using Listener = std::function<void(const Overlap& overlap)>;
 
-  /// `index`: what is searched now. `times`: null, or outlives the lane.
-  OverlapWatch(Executor& lane, const RelocOptions& options, IndexSource index, Listener listener, Logger log,
-               WorkTimes* times = nullptr);
+  /// `index`: what is searched now. `times`: null, or outlives the executor.
+  OverlapWatch(Executor& executor, const RelocOptions& options, IndexSource index, Listener listener,
+               Logger log, WorkTimes* times = nullptr);
 
   /// A map is searched as it is here. The keyframes that are new since the last time, and come with an image
   /// and its corners, are asked about. Does not wait, nor does remove().
@@ -42,7 +42,7 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   /// False: there is no other map.
   bool look_up(const MapId& map, const KeyframeView& keyframe);
 
-  Executor& lane_;
+  Executor& executor_;
   const RelocOptions options_;
   const IndexSource index_;
   const Listener listener_;

@@ -57,7 +57,7 @@ class OverlapWatchTest : public ::testing::Test {
   /// How many keyframes have been asked about, once all that waits is done.
   int asked() {
     std::promise<void> done;
-    lane_.submit([&done] { done.set_value(); });
+    executor_.submit([&done] { done.set_value(); });
     done.get_future().wait();
     return nlohmann::json::parse(to_json(times_.summaries()))
         .at("overlap_check_cpu_ms")
@@ -65,17 +65,17 @@ class OverlapWatchTest : public ::testing::Test {
         .get<int>();
   }
   /// What is submitted from here on waits until then.
-  std::promise<void> hold_lane() {
+  std::promise<void> hold_executor() {
     std::promise<void> release;
-    lane_.submit([until = release.get_future().share()] { until.wait(); });
+    executor_.submit([until = release.get_future().share()] { until.wait(); });
     return release;
   }
 
   WorkTimes times_;
   PlaceIndex index_;
-  WorkerPool lane_{1, 0, null_logger()};
+  WorkerPool executor_{1, 0, null_logger()};
   std::shared_ptr<OverlapWatch> watch_ = std::make_shared<OverlapWatch>(
-      lane_, RelocOptions(), [this] { return std::make_shared<const PlaceIndex>(index_); },
+      executor_, RelocOptions(), [this] { return std::make_shared<const PlaceIndex>(index_); },
       [](const Overlap&) { FAIL() << "grey images"; }, null_logger(), &times_);
 };
 
@@ -91,7 +91,7 @@ TEST_F(OverlapWatchTest, EachNewKeyframeIsAskedAboutOnce) {
 }
 
 TEST_F(OverlapWatchTest, OfAMapThatGrowsFasterEightKeyframesWait) {
-  std::promise<void> release = hold_lane();
+  std::promise<void> release = hold_executor();
   for (size_t count = 1; count <= 12; ++count) {
     std::vector<KeyframeView> views;
     for (uint64_t id = 1; id <= count; ++id) views.push_back(keyframe(id));
@@ -111,7 +111,7 @@ TEST_F(OverlapWatchTest, WhatTheStoreBroughtIsNotAskedAboutAgain) {
 }
 
 TEST_F(OverlapWatchTest, AMapThatIsGoneOrAloneIsNotAskedAbout) {
-  std::promise<void> release = hold_lane();
+  std::promise<void> release = hold_executor();
   search(1, {keyframe(1)});
   watch_->remove(MapId{{1}});
   release.set_value();

@@ -153,7 +153,7 @@ void Overview::list(const asked::Maps& begin, const AdminAnswer& answer) {
       answer(std::move(page));
     };
   };
-  beside_store(context_, answer, look);
+  on_store_strand(context_, answer, look);
 }
 
 void Overview::show(MapId id, const MapEntry& entry, const AdminAnswer& answer) const {

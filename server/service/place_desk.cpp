@@ -24,7 +24,7 @@ void PlaceDesk::note(const MapId& map, Reported reported) {
   reported.offered.insert(reported.offered.begin(), newest.offered.begin(), newest.offered.end());
   newest = std::move(reported);
   if (std::exchange(scheduled_, true)) return;
-  lanes_.indexers.submit([self = shared_from_this()] {
+  executors_.indexers.submit([self = shared_from_this()] {
     {
       const std::scoped_lock taken(self->mutex_);
       self->scheduled_ = false;
@@ -81,7 +81,7 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
 void PlaceDesk::plant_if_needed() {
   if (planting_ || !index()->needs_planting(options_.most_scanned)) return;
   planting_ = true;
-  lanes_.planters.submit([self = shared_from_this()] { self->plant(); });
+  executors_.planters.submit([self = shared_from_this()] { self->plant(); });
 }
 
 void PlaceDesk::plant() {
@@ -92,7 +92,8 @@ void PlaceDesk::plant() {
     log_->error("no forest of the images: {}", problem.what());
   }
   // Not here: what waits for the index must not wait for a thread that stands back for all others.
-  lanes_.indexers.submit([self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });
+  executors_.indexers.submit(
+      [self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });
 }
 
 void PlaceDesk::adopt(std::optional<ImageForestPtr> forest) {
@@ -118,7 +119,7 @@ std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
 
 void PlaceDesk::ask(PlaceQuery query, Done done) {
   auto shared = std::make_shared<const PlaceQuery>(std::move(query));
-  lanes_.answerers.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
+  executors_.answerers.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
     PlaceAnswer answer{PlaceVerdict::kNotThere, {}, "internal error; the server's log says more"};
     try {
       RelocOptions options = self->options_;

@@ -26,15 +26,15 @@ struct PlaceQuery {
 };
 
 /// The relocalizer at work: keeps the index over all maps and answers questions, each on workers of its own
-/// lane and never on a map's queue: who is lost waits neither for map work nor for an index in the making.
-/// Queries read an immutable index; a new one is made beside them, and where it has many images a forest of
-/// them on the background lane: until that is done, what it will have is scanned. Thread-safe; tasks keep it
-/// alive.
+/// executor and never on a map's queue: who is lost waits neither for map work nor for an index in the
+/// making. Queries read an immutable index; a new one is made beside them, and where it has many images a
+/// forest of them on the background executor: until that is done, what it will have is scanned. Thread-safe;
+/// tasks keep it alive.
 class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
  public:
   using Done = std::function<void(PlaceAnswer answer)>;
 
-  struct Lanes {
+  struct Executors {
     Executor& indexers;
     Executor& answerers;
     Executor& planters;  ///< of forests: a second of work that nobody waits for
@@ -45,9 +45,13 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     std::function<void(const MapId& map)> removed;
   };
   /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the desk.
-  PlaceDesk(Lanes lanes, const RelocOptions& options, std::shared_ptr<const Clock> clock, Logger log,
+  PlaceDesk(Executors executors, const RelocOptions& options, std::shared_ptr<const Clock> clock, Logger log,
             WorkTimes* times = nullptr)
-      : lanes_(lanes), options_(options), clock_(std::move(clock)), log_(std::move(log)), times_(times) {}
+      : executors_(executors),
+        options_(options),
+        clock_(std::move(clock)),
+        log_(std::move(log)),
+        times_(times) {}
   /// Before anything else.
   void listen(Listener listener) { listener_ = std::move(listener); }
 
@@ -83,7 +87,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void adopt(std::optional<ImageForestPtr> forest);
   void publish(PlaceIndex next);
 
-  const Lanes lanes_;
+  const Executors executors_;
   const RelocOptions options_;
   const std::shared_ptr<const Clock> clock_;
   Logger log_;

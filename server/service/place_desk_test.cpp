@@ -52,7 +52,7 @@ class PlaceDeskTest : public ::testing::Test {
     open_desk();
   }
   void open_desk() {
-    desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Lanes{indexers_, answerers_, planters_}, options_,
+    desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Executors{indexers_, answerers_, planters_}, options_,
                                         std::make_shared<SystemClock>(), null_logger(), &times_);
   }
   [[nodiscard]] int searchable() const {

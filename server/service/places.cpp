@@ -44,7 +44,8 @@ Places::Places(const ServiceContext& context, Clients& clients, Sessions& sessio
       sessions_(sessions),
       maps_(maps),
       desk_(std::make_shared<PlaceDesk>(
-          PlaceDesk::Lanes{context.lanes.urgent, context.lanes.questions, context.lanes.background},
+          PlaceDesk::Executors{context.executors.urgent, context.executors.questions,
+                               context.executors.background},
           context.options.relocalization, context.options.clock, context.log, context.options.work_times)) {
   if (context_.store != nullptr) overlaps_.restore(context_.store->at_start().overlaps);
   watch_for_overlaps();
@@ -58,7 +59,7 @@ void Places::watch_for_overlaps() {
   const auto tell = [this](const Overlap& overlap) {
     context_.post([this, overlap] { on_overlap(overlap); });
   };
-  const auto watch = std::make_shared<OverlapWatch>(context_.lanes.idle, context_.options.relocalization,
+  const auto watch = std::make_shared<OverlapWatch>(context_.executors.idle, context_.options.relocalization,
                                                     index, tell, context_.log, context_.options.work_times);
   desk_->listen({[watch](const auto& map, auto views) { watch->note_searched(map, views); },
                  [watch](const MapId& map) { watch->remove(map); }});
@@ -127,9 +128,9 @@ void Places::take(const Principal& who, wire::RelocQuery message) {
   client.query_in_work = true;
   const WearerRule::Search search =
       sessions_.wearers().search(client.name, maps_.readable_by(client.principal()), context_.now());
-  context_.lanes.questions.submit([this, name = client.name, command,
-                                   camera = best_known(client, message.camera, *announced),
-                                   message = std::move(message), search]() mutable {
+  context_.executors.questions.submit([this, name = client.name, command,
+                                       camera = best_known(client, message.camera, *announced),
+                                       message = std::move(message), search]() mutable {
     try {
       look_up(name, camera, std::move(message), search);
     } catch (const std::exception& problem) {  // memory, a library

@@ -86,8 +86,8 @@ void ProposalAdministration::take(const asked::ShowProposal& ask, const AdminAns
                               kept.image.size(),
                               kept.record.measurements.size(),
                               {}};
-    context_.lanes.idle.submit([this, answer, whole = std::move(whole), kept = std::move(kept),
-                                snapshot = entry->snapshot, epochs = entry->epochs] {
+    context_.executors.idle.submit([this, answer, whole = std::move(whole), kept = std::move(kept),
+                                    snapshot = entry->snapshot, epochs = entry->epochs] {
       context_.post([answer, whole, points = points_in(*snapshot, epochs, kept)]() mutable {
         whole.expected_now = std::move(points);
         answer(std::move(whole));

@@ -66,9 +66,9 @@ void Proposals::propose(Client& client, const MapEntry& entry, wire::KeyframeOff
   offered.pending = client.pending_offers.add({PendingOffers::Kind::kProposal, offer.map, {}},
                                               offer.image.bytes.size(), clients_.waiting_bytes());
   // Who replays a recording waits for it.
-  Executor& lane = offer.lockstep ? context_.lanes.urgent : context_.lanes.idle;
-  lane.submit([this, name = client.name, offered = std::move(offered), snapshot = entry.snapshot,
-               camera = camera.camera, offer = std::move(offer), why = std::move(why)] {
+  Executor& executor = offer.lockstep ? context_.executors.urgent : context_.executors.idle;
+  executor.submit([this, name = client.name, offered = std::move(offered), snapshot = entry.snapshot,
+                   camera = camera.camera, offer = std::move(offer), why = std::move(why)] {
     ProposalJudgement judged{wire::OfferDecision::kDamaged, "internal error; the server's log says more", {}};
     try {
       judged = judge_proposal(*snapshot, *camera, offer);

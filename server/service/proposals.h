@@ -12,9 +12,9 @@
 
 namespace cairn {
 
-/// Keyframes of who may not add them, kept aside until an operator decides. They are looked at in the lane
-/// that stands back for all others, on what is published of the map; the map's queue hears of one when an
-/// operator accepts it. Used from the service's thread.
+/// Keyframes of who may not add them, kept aside until an operator decides. They are looked at in the
+/// executor that stands back for all others, on what is published of the map; the map's queue hears of one
+/// when an operator accepts it. Used from the service's thread.
 class Proposals {
  public:
   using Decided = std::function<void(wire::OfferOutcome outcome)>;

@@ -63,7 +63,7 @@ inline PlaceQuery question(const CameraPtr& camera, const GrayImage& image) {
   return {camera, describe_place(pyramid, corners), {}, true};
 }
 
-/// What is begun on a lane stays there until this goes, or release().
+/// What is begun on an executor stays there until this goes, or release().
 class Blocker {
  public:
   using Submit = std::function<void(std::function<void()> task)>;
@@ -87,8 +87,8 @@ using StorePtr = std::shared_ptr<MapPersistence>;
 /// A map at work that is kept in a store.
 class KeptMap {
  public:
-  KeptMap(MapRunner::Lanes lanes, std::filesystem::path folder, StorePtr store)
-      : lanes_(lanes), folder_(std::move(folder)), store_(std::move(store)) {
+  KeptMap(MapRunner::Executors executors, std::filesystem::path folder, StorePtr store)
+      : executors_(executors), folder_(std::move(folder)), store_(std::move(store)) {
     make_runner();
   }
   ~KeptMap() { end_work(); }
@@ -242,7 +242,7 @@ class KeptMap {
  private:
   void make_runner() {
     runner_ = std::make_shared<MapRunner>(
-        lanes_, MapMakerOptions{}, store_.get(),
+        executors_, MapMakerOptions{}, store_.get(),
         MapRunner::Listener{[this](MapRevision now) { set([&] { newest_ = std::move(now); }); },
                             [this](const std::string& why) { set([&] { frozen_ = why; }); },
                             [this](const MapStatistics& now) {
@@ -258,8 +258,8 @@ class KeptMap {
   /// No task of it runs any more, or will.
   void end_work() {
     runner_->stop();
-    for (Executor* lane : {&lanes_.background, &lanes_.urgent, &lanes_.background})
-      (void)answer_to<bool>([lane](auto done) { lane->submit([done] { done(true); }); });
+    for (Executor* executor : {&executors_.background, &executors_.urgent, &executors_.background})
+      (void)answer_to<bool>([executor](auto done) { executor->submit([done] { done(true); }); });
   }
   [[nodiscard]] sqlite::Database open_file() const {
     auto database = sqlite::Database::open(file(), sqlite::OpenMode::kReadWrite);
@@ -272,7 +272,7 @@ class KeptMap {
     const std::scoped_lock lock(mutex_);
     change();
   }
-  const MapRunner::Lanes lanes_;
+  const MapRunner::Executors executors_;
   const std::filesystem::path folder_;
   uint64_t commands_ = 0;
   mutable std::mutex mutex_;
@@ -293,7 +293,7 @@ class MapRestingTest : public testing::KeptMapFixture {
     return std::move(*MapPersistence::start(folder_ / name, store_threads(null_logger()), null_logger()));
   }
   [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& store_name, StorePtr store, MapId id) {
-    auto map = std::make_unique<KeptMap>(lanes(), folder_ / store_name, std::move(store));
+    auto map = std::make_unique<KeptMap>(executors(), folder_ / store_name, std::move(store));
     input_.map = id;
     const auto made = map->start(input_);
     EXPECT_TRUE(made) << made.error().message;
@@ -310,8 +310,8 @@ class MapRestingTest : public testing::KeptMapFixture {
     const OfferJudgement judged = map->offer(frame(*map, step));
     EXPECT_EQ(judged.decision, wire::OfferDecision::kAccepted) << judged.reason;
   }
-  [[nodiscard]] MapRunner::Lanes lanes() { return {urgent_, background_}; }
-  [[nodiscard]] std::unique_ptr<Blocker> block_urgent_lane() {
+  [[nodiscard]] MapRunner::Executors executors() { return {urgent_, background_}; }
+  [[nodiscard]] std::unique_ptr<Blocker> block_urgent_executor() {
     return std::make_unique<Blocker>([this](auto task) { urgent_.submit(task); });  // its only worker
   }
   WorkerPool urgent_{1, 0, null_logger()};

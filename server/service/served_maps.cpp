@@ -52,9 +52,10 @@ std::shared_ptr<MapRunner> ServedMaps::make_runner(MapId map) {
       array_.measured(entry, std::move(now));
     });
   };
-  return std::make_shared<MapRunner>(MapRunner::Lanes{context_.lanes.urgent, context_.lanes.background},
-                                     context_.options.mapping, context_.store, std::move(listener),
-                                     context_.options.clock, context_.log, context_.options.work_times);
+  return std::make_shared<MapRunner>(
+      MapRunner::Executors{context_.executors.urgent, context_.executors.background},
+      context_.options.mapping, context_.store, std::move(listener), context_.options.clock, context_.log,
+      context_.options.work_times);
 }
 
 ResumedMap ServedMaps::prepare(RestoredMap restored) {

@@ -80,7 +80,7 @@ class ServedMaps {
   void let_rest(MonotonicTime now, const PlaceIndex& index);
   /// Running work ends soon.
   void stop();
-  /// Hands what has changed to the store, when no lane runs any more.
+  /// Hands what has changed to the store, when no executor runs any more.
   void save_last_changes();
 
  private:

@@ -11,7 +11,7 @@
 namespace cairn {
 
 /// Where the map service's work runs (README.md, Threads).
-struct ServiceLanes {
+struct ServiceExecutors {
   Executor& urgent;
   Executor& background;
   Executor& questions;
@@ -26,7 +26,7 @@ using Post = std::function<void(Task task)>;
 /// component whose subject it is.
 struct ServiceContext {
   MapServiceOptions options;
-  ServiceLanes lanes;
+  ServiceExecutors executors;
   MapPersistence* store;  ///< null: nothing is kept
   SiteAccess& site;
   ServiceOutput& output;

@@ -28,11 +28,12 @@ class SiteAccessTest : public ::testing::Test {
     auto site = SiteAccess::open(
         folder, kind, [this] { return now_; }, null_logger());
     if (!site) throw std::runtime_error(site.error().message);
-    (*site)->run_by({lane_, [this](Task task) { service_.submit(std::move(task)); }});
+    (*site)->run_by({executor_, [this](Task task) { service_.submit(std::move(task)); }});
     return std::move(*site);
   }
   void run() {
-    while (!of_lane_.empty() || !of_service_.empty()) (of_lane_.empty() ? of_service_ : of_lane_).run_one();
+    while (!of_executor_.empty() || !of_service_.empty())
+      (of_executor_.empty() ? of_service_ : of_executor_).run_one();
   }
   void put(SiteAccess* site, const json& request) {
     const auto asks = read_admin_request(request.dump());
@@ -61,9 +62,9 @@ class SiteAccessTest : public ::testing::Test {
   TestDirectory directory_;
   const std::filesystem::path& folder_ = directory_.path();
   Timestamp now_{1'800'000'000 * kSecond};
-  TasksByHand of_lane_;
+  TasksByHand of_executor_;
   TasksByHand of_service_;
-  ByHand lane_{&of_lane_};
+  ByHand executor_{&of_executor_};
   ByHand service_{&of_service_};
   std::vector<bool> kept_;
 };
@@ -97,8 +98,8 @@ TEST_F(SiteAccessTest, AChangeWaitsForNoneOfTheQuestionsAboutTheAuditLogThatWait
   for (int i = 0; i < 3; ++i) site->find({}, [](const Result<std::vector<AuditEntry>>&) {});
   site->note({0, now_, "operator ann", "map rename", "desk", "done"});
   put(site.get(), {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "read"}});
-  of_lane_.run_one();
-  of_lane_.run_one();
+  of_executor_.run_one();
+  of_executor_.run_one();
   while (!of_service_.empty()) of_service_.run_one();
   EXPECT_EQ(right(*site), Right::kRead);
   EXPECT_THAT(audit(site.get()),

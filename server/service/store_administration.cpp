@@ -47,7 +47,7 @@ void StoreAdministration::take(const asked::Verify& ask, const AdminAnswer& answ
 }
 
 void StoreAdministration::list_parts(const std::string& after, const AdminAnswer& answer) {
-  beside_store(context_, answer, [after, answer](const Store& store) -> Task {
+  on_store_strand(context_, answer, [after, answer](const Store& store) -> Task {
     return [answer, after, parts = parts_of_store(store.folder())] {
       if (!parts) return answer(refusal(parts.error()));
       told::Parts page;  // the one that it begins beyond may have gone meanwhile
@@ -80,8 +80,8 @@ void StoreAdministration::take(const std::string& operator_name, const asked::Ba
   const auto map = map_of(ask.part);
   const auto entry = map ? maps_.all().find(*map) : maps_.all().end();
   if (entry == maps_.all().end() || entry->second.runner == nullptr || context_.store == nullptr)
-    return beside_store(context_, answer, copy);
-  beside_store_when_kept(context_, *entry->second.runner, answer, copy);
+    return on_store_strand(context_, answer, copy);
+  on_store_strand_when_kept(context_, *entry->second.runner, answer, copy);
 }
 
 }  // namespace cairn

@@ -6,10 +6,10 @@
 
 namespace cairn {
 
-void beside_store(const ServiceContext& context, const AdminAnswer& answer,
-                  std::function<Task(Store& store)> work) {
+void on_store_strand(const ServiceContext& context, const AdminAnswer& answer,
+                     std::function<Task(Store& store)> work) {
   if (context.store == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
-  context.store->run_beside([&context, answer, work = std::move(work)](Store& store) {
+  context.store->run_on_strand([&context, answer, work = std::move(work)](Store& store) {
     Task next;
     try {
       next = work(store);
@@ -21,12 +21,12 @@ void beside_store(const ServiceContext& context, const AdminAnswer& answer,
   });
 }
 
-void beside_store_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
-                            std::function<Task(Store& store)> work) {
+void on_store_strand_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
+                               std::function<Task(Store& store)> work) {
   // What was handed to the writer is in the file once a task of its own has come to its turn.
   runner.flush([&context, answer, work = std::move(work)](const Status& kept) {
     if (!kept) return context.post(telling(answer, refusal(kept.error())));
-    context.store->run([&context, answer, work](const Store&) { beside_store(context, answer, work); });
+    context.store->run([&context, answer, work](const Store&) { on_store_strand(context, answer, work); });
   });
 }
 

@@ -9,14 +9,14 @@
 
 namespace cairn {
 
-/// `work` is run beside the store's writer, so that no verdict waits for it, and gives what is then to be
-/// done on the service's thread. If it throws, that is the answer; without a store as well.
-void beside_store(const ServiceContext& context, const AdminAnswer& answer,
-                  std::function<Task(Store& store)> work);
+/// `work` is run on the store's strand, beside its writer, so that no verdict waits for it, and gives what is
+/// then to be done on the service's thread. If it throws, that is the answer; without a store as well.
+void on_store_strand(const ServiceContext& context, const AdminAnswer& answer,
+                     std::function<Task(Store& store)> work);
 
 /// The same, once all that was handed in of the map before is in its file; or that is the answer.
-void beside_store_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
-                            std::function<Task(Store& store)> work);
+void on_store_strand_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
+                               std::function<Task(Store& store)> work);
 
 /// An answer, as what is to be done on the service's thread.
 [[nodiscard]] Task telling(const AdminAnswer& answer, OperatorAnswer told);

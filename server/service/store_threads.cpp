@@ -8,14 +8,14 @@
 namespace cairn {
 namespace {
 
-constexpr int kBesideNice = 5;     ///< an operator's work gives way to what trackers wait for
+constexpr int kStrandNice = 5;     ///< an operator's work gives way to what trackers wait for
 constexpr int kExaminerNice = 15;  ///< and nobody stands there and waits for this
 
 }  // namespace
 
 MapPersistence::Runtime store_threads(const Logger& log) {
   return {std::make_shared<SystemClock>(), std::make_unique<TurnThread>(),
-          std::make_unique<WorkerPool>(1, kBesideNice, log),
+          std::make_unique<WorkerPool>(1, kStrandNice, log),
           std::make_unique<WorkerPool>(1, kExaminerNice, log)};
 }
 

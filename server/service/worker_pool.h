@@ -14,9 +14,9 @@
 
 namespace cairn {
 
-/// Threads that run tasks, urgent ones first, in the order of submission. Two pools make the two lanes of the
-/// server: one at normal priority for what a tracker waits for, one with a nice value for global adjustments,
-/// so that these give way at once. Thread-safe.
+/// Threads that run tasks, urgent ones first, in the order of submission. Two pools make the two executors of
+/// the server: one at normal priority for what a tracker waits for, one with a nice value for global
+/// adjustments, so that these give way at once. Thread-safe.
 class WorkerPool : public Executor {
  public:
   /// `nice_value` is added to the priority of the threads (0..19, larger is lower).

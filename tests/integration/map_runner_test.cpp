@@ -33,7 +33,7 @@ Answer value_of(std::future<Answer> answer) {
 class MapRunnerTest : public ::testing::Test {
  protected:
   MapRunnerTest()
-      : runner_(std::make_shared<MapRunner>(MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
+      : runner_(std::make_shared<MapRunner>(MapRunner::Executors{urgent_, background_}, MapMakerOptions{},
                                             nullptr,
                                             MapRunner::Listener{[this](const MapRevision&) {
                                                                   if (++published_ == fails_at_)

@@ -23,7 +23,7 @@ class MapStop : public LoneClientFixture {
     LoneClientFixture::SetUp();
     ASSERT_EQ(ask(R"({"verb": "tag", "map": "desk", "tag": "bare"})"), "");
     // Somebody has a large archive made.
-    server_->let_beside_take_long(true);
+    server_->let_store_strand_take_long(true);
     ASSERT_EQ(ask(R"({"verb": "export", "map": "desk"})"), kNothing);
   }
   /// By another run of cairnctl than those before, which wait.
@@ -44,7 +44,7 @@ TEST_F(MapStop, AMapTakesKeyframesWhileItsRollBackWaitsForAnArchive) {
   ASSERT_EQ(ask(R"({"verb": "roll-back", "map": "desk", "tag": "bare"})"), kNothing);
   EXPECT_EQ(judge(sound_offer(6)), "");
   EXPECT_EQ(snapshot_->keyframe_count(), 3U);
-  server_->let_beside_take_long(false);
+  server_->let_store_strand_take_long(false);
   settle();
   ASSERT_TRUE(reply_);
   EXPECT_EQ(reply_->result, 0U) << reply_->text;
@@ -57,7 +57,7 @@ TEST_F(MapStop, AMapTakesKeyframesWhileItsRollBackWaitsForAnArchive) {
 TEST_F(MapStop, ARollBackOfAMapThatHasBeenDeletedMeanwhileIsRefused) {
   ASSERT_EQ(ask(R"({"verb": "roll-back", "map": "desk", "tag": "bare"})"), kNothing);
   ASSERT_EQ(ask(R"({"verb": "delete", "map": "desk"})"), kNothing);
-  server_->let_beside_take_long(false);
+  server_->let_store_strand_take_long(false);
   settle();
   EXPECT_EQ(ask(R"({"verb": "undelete", "map": "desk"})"), "");
   EXPECT_EQ(ask(R"({"verb": "roll-back", "map": "desk", "tag": "bare"})"), "") << "the way is free again";
@@ -68,7 +68,7 @@ TEST_F(MapStop, AContributorThatIsNoneStopsNoMap) {
               HasSubstr("client 'anno' has no keyframe in map desk"));
   EXPECT_EQ(judge(sound_offer(6)), "");
   ASSERT_EQ(ask(R"({"verb": "drop-contributor", "map": "desk", "client": "anna"})"), kNothing);
-  server_->let_beside_take_long(false);
+  server_->let_store_strand_take_long(false);
   settle();
   ASSERT_TRUE(reply_);
   EXPECT_THAT(reply_->text, HasSubstr("nothing would be left of map desk"));

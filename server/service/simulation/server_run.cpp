@@ -17,13 +17,13 @@ Result<std::unique_ptr<ServerRun>> ServerRun::start(const Setup& setup) {
 
 Status ServerRun::open(const Setup& setup) {
   auto writer = std::make_unique<WriterTurns>();
-  auto beside = std::make_unique<Lane>(1);
-  auto examiner = std::make_unique<Lane>(1);
+  auto store_strand = std::make_unique<SimulatedExecutor>(1);
+  auto examiner = std::make_unique<SimulatedExecutor>(1);
   writer_ = writer.get();
-  beside_ = beside.get();
+  store_strand_ = store_strand.get();
   examiner_ = examiner.get();
   auto store = MapPersistence::start(
-      setup.folder, {clock_, std::move(writer), std::move(beside), std::move(examiner)}, setup.log);
+      setup.folder, {clock_, std::move(writer), std::move(store_strand), std::move(examiner)}, setup.log);
   if (!store) return tl::unexpected(store.error());
   store_ = std::move(*store);
   MapServiceOptions options;
@@ -42,7 +42,7 @@ Status ServerRun::open(const Setup& setup) {
   options.access = site_->policy();
   if (setup.opened) setup.opened(*site_);
   service_ = std::make_unique<MapService>(
-      options, MapService::Lanes{urgent_, background_, questions_, idle_, site_changes_}, store_.get(),
+      options, MapService::Executors{urgent_, background_, questions_, idle_, site_changes_}, store_.get(),
       *site_, in_process_, [this](Task task) { home_.submit(std::move(task)); }, setup.log);
   in_process_.serve(*service_);
   service_->resume(std::move(restored));
@@ -54,13 +54,13 @@ ServerRun::~ServerRun() {
 }
 
 bool ServerRun::run_something() {
-  std::array<Lane*, 8> lanes{&home_, &urgent_,       &background_, &questions_,
-                             &idle_, &site_changes_, beside_,      examiner_};
-  std::array<Lane*, 8> ready{};
+  std::array<SimulatedExecutor*, 8> executors{&home_, &urgent_,       &background_,  &questions_,
+                                              &idle_, &site_changes_, store_strand_, examiner_};
+  std::array<SimulatedExecutor*, 8> ready{};
   size_t count = 0;
-  for (Lane* lane : lanes) {
-    const bool may_run = lane != beside_ || !beside_takes_long_;
-    if (may_run && lane->has_task()) ready[count++] = lane;
+  for (SimulatedExecutor* executor : executors) {
+    const bool may_run = executor != store_strand_ || !store_strand_takes_long_;
+    if (may_run && executor->has_task()) ready[count++] = executor;
   }
   const bool writer_is_due = writer_->is_due(clock_->now());
   if (count == 0 && !writer_is_due) return false;
@@ -80,7 +80,8 @@ void ServerRun::tick_if_due() {
 void ServerRun::drop_all() {
   home_.stop();
   service_->stop();
-  for (Lane* lane : {&urgent_, &background_, &questions_, &idle_, &site_changes_}) lane->stop();
+  for (SimulatedExecutor* executor : {&urgent_, &background_, &questions_, &idle_, &site_changes_})
+    executor->stop();
 }
 
 void ServerRun::end() {

@@ -6,7 +6,7 @@
 
 #include "server/service/map_service.h"
 #include "server/service/simulation/in_process.h"
-#include "server/service/simulation/lanes.h"
+#include "server/service/simulation/simulated_executors.h"
 #include "server/service/site_access.h"
 
 namespace cairn::simulation {
@@ -36,7 +36,7 @@ class ServerRun {
   /// Runs one of the tasks that are due, of whichever thread. False: none is.
   bool run_something();
   /// What runs beside the writer takes long from now on: it does not come to its end while this is so.
-  void let_beside_take_long(bool long_) { beside_takes_long_ = long_; }
+  void let_store_strand_take_long(bool long_) { store_strand_takes_long_ = long_; }
   void tick_if_due();
   /// As Service::close().
   void end();
@@ -50,18 +50,18 @@ class ServerRun {
 
   const std::shared_ptr<const FakeClock> clock_;
   Random& random_;
-  Lane home_{1};
-  Lane urgent_{2};
-  Lane background_{1};
-  Lane questions_{2};
-  Lane idle_{1};
-  Lane site_changes_{1};
+  SimulatedExecutor home_{1};
+  SimulatedExecutor urgent_{2};
+  SimulatedExecutor background_{1};
+  SimulatedExecutor questions_{2};
+  SimulatedExecutor idle_{1};
+  SimulatedExecutor site_changes_{1};
   InProcess in_process_;
   std::unique_ptr<SiteAccess> site_;
-  WriterTurns* writer_ = nullptr;  ///< of store_
-  Lane* beside_ = nullptr;         ///< likewise
-  Lane* examiner_ = nullptr;       ///< likewise
-  bool beside_takes_long_ = false;
+  WriterTurns* writer_ = nullptr;              ///< of store_
+  SimulatedExecutor* store_strand_ = nullptr;  ///< likewise
+  SimulatedExecutor* examiner_ = nullptr;      ///< likewise
+  bool store_strand_takes_long_ = false;
   std::unique_ptr<MapPersistence> store_;
   std::unique_ptr<MapService> service_;
 };

@@ -20,7 +20,7 @@ class SiteChanges : public LoneClientFixture {
  protected:
   void SetUp() override {
     LoneClientFixture::SetUp();
-    server_->let_beside_take_long(true);
+    server_->let_store_strand_take_long(true);
     ASSERT_EQ(ask({{"verb", "export"}, {"map", "desk"}}), "nothing is said of it");
     ASSERT_EQ(ask({{"verb", "backup"}}), "nothing is said of it");
   }

@@ -112,9 +112,9 @@ TEST_F(Withdrawn, NorInAMapThatIsBeingRolledBack) {
         {client_id_from_name(kOperator), {SessionId{++operator_session_.value}, ++asked_}, kRollBack, {}});
     revoke_after(tasks);
     if (reason_of(offer).value_or("").starts_with("kept aside")) kept = offer.command.seq;
-    server_->let_beside_take_long(true);
+    server_->let_store_strand_take_long(true);
     settle();
-    server_->let_beside_take_long(false);
+    server_->let_store_strand_take_long(false);
     settle();
     EXPECT_TRUE(reason_of(offer));
     ASSERT_EQ(proposals(), kept != 0 ? 1U : 0U);

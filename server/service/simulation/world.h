@@ -9,8 +9,8 @@
 
 #include "server/service/simulation/faulty_disk.h"
 #include "server/service/simulation/history.h"
-#include "server/service/simulation/lanes.h"
 #include "server/service/simulation/server_run.h"
+#include "server/service/simulation/simulated_executors.h"
 
 namespace cairn::simulation {
 

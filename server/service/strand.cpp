@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/serial_queue.h"
+#include "server/service/strand.h"
 
 #include <utility>
 
 namespace cairn {
 
-void SerialQueue::ask_for_turn(const std::shared_ptr<State>& state, bool urgent) {
+void Strand::ask_for_turn(const std::shared_ptr<State>& state, bool urgent) {
   state->pool.submit([state] { run_one(state); }, urgent ? Urgency::kUrgent : Urgency::kNormal);
 }
 
-void SerialQueue::post(Task task, Urgency urgency) {
+void Strand::post(Task task, Urgency urgency) {
   const bool urgent = urgency == Urgency::kUrgent;
   {
     const std::scoped_lock lock(state_->mutex);
@@ -24,7 +24,7 @@ void SerialQueue::post(Task task, Urgency urgency) {
   ask_for_turn(state_, urgent);
 }
 
-void SerialQueue::close() {
+void Strand::close() {
   std::deque<Waiting> dropped;
   const std::scoped_lock lock(state_->mutex);
   state_->closed = true;
@@ -32,7 +32,7 @@ void SerialQueue::close() {
   dropped.swap(state_->tasks);
 }
 
-void SerialQueue::run_one(const std::shared_ptr<State>& state) {
+void Strand::run_one(const std::shared_ptr<State>& state) {
   Task task;
   {
     const std::scoped_lock lock(state->mutex);

@@ -12,9 +12,9 @@ namespace cairn {
 /// Runs tasks one at a time, in the order they were posted, on a pool: the one writer of a map. Queues of one
 /// pool take turns, task by task; one in which an urgent task waits is urgent until that has run. Each task
 /// sees all that the tasks before it wrote. Thread-safe.
-class SerialQueue {
+class Strand {
  public:
-  explicit SerialQueue(Executor& pool) : state_(std::make_shared<State>(pool)) {}
+  explicit Strand(Executor& pool) : state_(std::make_shared<State>(pool)) {}
 
   /// Tasks may post to their own queue. What is posted outlives this handle until it has run or the queue is
   /// closed; dropped once that has happened.

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/simulation/lanes.h"
+#include "server/service/simulation/simulated_executors.h"
 
 #include <algorithm>
 #include <utility>
 
 namespace cairn::simulation {
 
-void Lane::submit(Task task, Urgency urgency) {
+void SimulatedExecutor::submit(Task task, Urgency urgency) {
   if (stopped_) return;
   (urgency == Urgency::kUrgent ? urgent_ : normal_).push_back(std::move(task));
 }
 
-void Lane::stop() {
+void SimulatedExecutor::stop() {
   stopped_ = true;
   const std::deque<Task> dropped_urgent = std::exchange(urgent_, {});
   const std::deque<Task> dropped = std::exchange(normal_, {});
 }
 
-void Lane::run_one(Random& random) {
+void SimulatedExecutor::run_one(Random& random) {
   std::deque<Task>& tasks = urgent_.empty() ? normal_ : urgent_;
   const auto chosen =
       tasks.begin() + static_cast<std::ptrdiff_t>(draw(random, std::min(workers_, tasks.size())));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/serial_queue.h"
+#include "server/service/strand.h"
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ class Done {
   std::future<void> future_ = promise_.get_future();
 };
 
-TEST(SerialQueue, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
+TEST(Strand, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
   constexpr int kQueues = 16;
   constexpr int kTasks = 2000;
   struct Map {
@@ -38,7 +38,7 @@ TEST(SerialQueue, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
   std::atomic<bool> overlap{false};
   Done done;
   WorkerPool pool(4, 0, null_logger());
-  std::vector<SerialQueue> queues;
+  std::vector<Strand> queues;
   queues.reserve(kQueues);
   for (int q = 0; q < kQueues; ++q) queues.emplace_back(pool);
   for (int t = 0; t < kTasks; ++t) {
@@ -59,10 +59,10 @@ TEST(SerialQueue, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
   }
 }
 
-TEST(SerialQueue, DifferentQueuesRunInParallel) {
+TEST(Strand, DifferentQueuesRunInParallel) {
   WorkerPool pool(2, 0, null_logger());
-  SerialQueue first(pool);
-  SerialQueue second(pool);
+  Strand first(pool);
+  Strand second(pool);
   Done first_inside;
   Done finished;
   std::atomic<bool> met{false};
@@ -80,9 +80,9 @@ TEST(SerialQueue, DifferentQueuesRunInParallel) {
   EXPECT_TRUE(met);
 }
 
-TEST(SerialQueue, ATaskThatPostsComesAfterWhatWaits) {
+TEST(Strand, ATaskThatPostsComesAfterWhatWaits) {
   WorkerPool pool(2, 0, null_logger());
-  SerialQueue queue(pool);
+  Strand queue(pool);
   std::vector<int> order;
   Done filled;
   Done done;
@@ -100,9 +100,9 @@ TEST(SerialQueue, ATaskThatPostsComesAfterWhatWaits) {
   EXPECT_EQ(order, (std::vector<int>{1, 2, 3}));
 }
 
-TEST(SerialQueue, ATaskThatThrowsStopsNeitherTheQueueNorThePool) {
+TEST(Strand, ATaskThatThrowsStopsNeitherTheQueueNorThePool) {
   WorkerPool pool(1, 0, null_logger());
-  SerialQueue queue(pool);
+  Strand queue(pool);
   Done done;
   queue.post([] { throw std::runtime_error("broken"); });
   queue.post([&] { done.set(); });
@@ -133,10 +133,10 @@ TEST(WorkerPool, UrgentTasksComeFirstAndAreSeenToWait) {
   EXPECT_EQ(order, (std::vector<int>{0, 1, 2, 3}));
 }
 
-TEST(SerialQueue, AnUrgentTaskHurriesTheQueueThatItWaitsIn) {
+TEST(Strand, AnUrgentTaskHurriesTheQueueThatItWaitsIn) {
   WorkerPool pool(1, 0, null_logger());
-  SerialQueue busy(pool);
-  SerialQueue hurried(pool);
+  Strand busy(pool);
+  Strand hurried(pool);
   std::vector<int> order;
   Done filled;
   Done done;
@@ -161,7 +161,7 @@ TEST(SerialQueue, AnUrgentTaskHurriesTheQueueThatItWaitsIn) {
   EXPECT_EQ(order[1], 2);
 }
 
-TEST(WorkerPool, TheBackgroundLaneDoesNotHoldUpTheOther) {
+TEST(WorkerPool, TheBackgroundExecutorDoesNotHoldUpTheOther) {
   WorkerPool urgent(1, 0, null_logger());
   WorkerPool background(1, 10, null_logger());
   Done release;
@@ -177,12 +177,12 @@ TEST(WorkerPool, TheBackgroundLaneDoesNotHoldUpTheOther) {
   EXPECT_TRUE(background_end.wait());
 }
 
-TEST(SerialQueue, AClosedQueueLetsGoOfWhatWaitsInIt) {
+TEST(Strand, AClosedQueueLetsGoOfWhatWaitsInIt) {
   WorkerPool pool(1, 0, null_logger());
   // As a map does: its tasks hold it, and it holds the queue.
   struct Map {
     explicit Map(WorkerPool& p) : queue(p) {}
-    SerialQueue queue;
+    Strand queue;
   };
   auto map = std::make_shared<Map>(pool);
   const std::weak_ptr<Map> observed = map;
@@ -203,7 +203,7 @@ TEST(SerialQueue, AClosedQueueLetsGoOfWhatWaitsInIt) {
   EXPECT_TRUE(observed.expired());
 }
 
-TEST(WorkerPool, LanesThatSubmitToEachOtherMayBeStoppedInAnyOrder) {
+TEST(WorkerPool, ExecutorsThatSubmitToEachOtherMayBeStoppedInAnyOrder) {
   for (int round = 0; round < 50; ++round) {
     WorkerPool urgent(2, 0, null_logger());
     WorkerPool background(1, 0, null_logger());

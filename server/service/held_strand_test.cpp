@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/held_lane.h"
+#include "server/service/held_strand.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-class HeldLaneTest : public ::testing::Test {
+class HeldStrandTest : public ::testing::Test {
  protected:
   void run() {
     while (!tasks_.empty()) tasks_.run_one();
@@ -26,22 +26,22 @@ class HeldLaneTest : public ::testing::Test {
 
   TasksByHand tasks_;
   std::vector<std::string> done_;
-  std::shared_ptr<HeldLane> lane_ = std::make_shared<HeldLane>(std::make_unique<ByHand>(&tasks_));
+  std::shared_ptr<HeldStrand> strand_ = std::make_shared<HeldStrand>(std::make_unique<ByHand>(&tasks_));
 };
 
-TEST_F(HeldLaneTest, WhoHoldsItWorksInItAndTheOthersWait) {
-  HeldLane::Hold hold;
-  lane_->submit(note("export"));
-  lane_->hold([&](HeldLane::Hold given) {
+TEST_F(HeldStrandTest, WhoHoldsItWorksInItAndTheOthersWait) {
+  HeldStrand::Hold hold;
+  strand_->submit(note("export"));
+  strand_->hold([&](HeldStrand::Hold given) {
     note("held")();
     hold = std::move(given);
   });
-  lane_->submit(note("import"));
+  strand_->submit(note("import"));
   EXPECT_THAT(done_, IsEmpty());
   run();
   EXPECT_THAT(done_, ElementsAre("export", "held"));
-  lane_->submit_within(hold, note("roll-back"));
-  lane_->submit(note("backup"));
+  strand_->submit_within(hold, note("roll-back"));
+  strand_->submit(note("backup"));
   run();
   EXPECT_THAT(done_, ElementsAre("export", "held", "roll-back"));
   hold.reset();
@@ -49,20 +49,20 @@ TEST_F(HeldLaneTest, WhoHoldsItWorksInItAndTheOthersWait) {
   EXPECT_THAT(done_, ElementsAre("export", "held", "roll-back", "import", "backup"));
 }
 
-TEST_F(HeldLaneTest, ATaskThatThrowsOrIsDroppedHoldsUpNobody) {
-  lane_->submit([] { throw std::runtime_error("memory"); });
-  lane_->hold([](const HeldLane::Hold&) {});
-  lane_->submit(note("next"));
+TEST_F(HeldStrandTest, ATaskThatThrowsOrIsDroppedHoldsUpNobody) {
+  strand_->submit([] { throw std::runtime_error("memory"); });
+  strand_->hold([](const HeldStrand::Hold&) {});
+  strand_->submit(note("next"));
   EXPECT_THROW(run(), std::runtime_error);
   run();
   EXPECT_THAT(done_, ElementsAre("next"));
-  HeldLane::Hold hold;
-  lane_->hold([&](HeldLane::Hold given) { hold = std::move(given); });
-  lane_->submit(note("never"));
+  HeldStrand::Hold hold;
+  strand_->hold([&](HeldStrand::Hold given) { hold = std::move(given); });
+  strand_->submit(note("never"));
   run();
-  lane_->stop();
+  strand_->stop();
   hold.reset();
-  lane_->submit(note("never"));
+  strand_->submit(note("never"));
   run();
   EXPECT_THAT(done_, ElementsAre("next"));
 }

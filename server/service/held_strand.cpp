@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/held_lane.h"
+#include "server/service/held_strand.h"
 
 #include <utility>
 
 namespace cairn {
 
-void HeldLane::submit(Task task) {
+void HeldStrand::submit(Task task) {
   hold([task = std::move(task)](const Hold&) { task(); });
 }
 
-void HeldLane::hold(std::function<void(Hold hold)> then) {
+void HeldStrand::hold(std::function<void(Hold hold)> then) {
   {
     const std::scoped_lock lock(mutex_);
     if (is_stopped_) return;
@@ -18,11 +18,11 @@ void HeldLane::hold(std::function<void(Hold hold)> then) {
   begin_next();
 }
 
-void HeldLane::submit_within(const Hold& hold, Task task) {
+void HeldStrand::submit_within(const Hold& hold, Task task) {
   executor_->submit([hold, task = std::move(task)] { task(); });
 }
 
-void HeldLane::stop() {
+void HeldStrand::stop() {
   std::deque<std::function<void(Hold hold)>>
       dropped;  // outside of the lock: what they hold may come back here
   {
@@ -33,7 +33,7 @@ void HeldLane::stop() {
   executor_->stop();
 }
 
-void HeldLane::begin_next() {
+void HeldStrand::begin_next() {
   std::function<void(Hold hold)> next;
   {
     const std::scoped_lock lock(mutex_);
@@ -47,7 +47,7 @@ void HeldLane::begin_next() {
   });
 }
 
-void HeldLane::end() {
+void HeldStrand::end() {
   {
     const std::scoped_lock lock(mutex_);
     is_busy_ = false;

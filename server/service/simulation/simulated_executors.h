@@ -38,9 +38,9 @@ class FakeClock : public Clock {
 
 /// What a pool of `workers` threads would run. As with those, urgent tasks are begun first and in order, and
 /// of those that run beside each other any may come to its end first.
-class Lane : public Executor {
+class SimulatedExecutor : public Executor {
  public:
-  explicit Lane(size_t workers) : workers_(workers) {}
+  explicit SimulatedExecutor(size_t workers) : workers_(workers) {}
 
   void submit(Task task, Urgency urgency = Urgency::kNormal) override;
   [[nodiscard]] bool urgent_waits() const override { return !urgent_.empty(); }

@@ -10,14 +10,14 @@
 
 namespace cairn {
 
-/// Tasks one after another on an executor. One can hold the lane beyond its end: who needs it for work that
-/// others bring about first waits for the lane before he asks them to, not after. Thread-safe.
-class HeldLane : public std::enable_shared_from_this<HeldLane> {
+/// Tasks one after another on an executor. One can hold the strand beyond its end: who needs it for work that
+/// others bring about first waits for the strand before he asks them to, not after. Thread-safe.
+class HeldStrand : public std::enable_shared_from_this<HeldStrand> {
  public:
   /// While any copy of it lives, no other task begins.
   using Hold = std::shared_ptr<const void>;
 
-  explicit HeldLane(std::unique_ptr<Executor> executor) : executor_(std::move(executor)) {}
+  explicit HeldStrand(std::unique_ptr<Executor> executor) : executor_(std::move(executor)) {}
   void submit(Task task);
   /// Calls `then` on the executor, in its turn.
   void hold(std::function<void(Hold hold)> then);
