@@ -70,7 +70,7 @@ std::string number_of(const json& row, const char* key, const char* format) {
 
 void print_table(const json& now) {
   const json& status = now["status"];
-  std::printf("health %s, maps %" PRIu64 " (%" PRIu64 " at rest), memory %.0f MB\n\n",
+  std::printf("health %s, maps %" PRIu64 " (%" PRIu64 " idle), memory %.0f MB\n\n",
               text_of(status, "health").c_str(), count_of(status, "maps"), count_of(status, "maps_at_rest"),
               status.value("memory_bytes", 0.0) * 1e-6);
   std::printf("%-32s %9s %8s %7s %8s %12s\n", "MAP", "KEYFRAMES", "POINTS", "CLIENTS", "KF/MIN",

@@ -67,7 +67,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.max_labels = options.max_labels;
   service.rates = options.rates;
   service.store = options.store;
-  service.rest_after = options.rest_after;
+  service.idle_after = options.idle_after;
   service.drop_after = options.drop_after;
   service.keep_deleted = options.keep_deleted;
   service.lockstep = options.lockstep;

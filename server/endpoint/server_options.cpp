@@ -76,7 +76,8 @@ constexpr OptionRow kOptions[] = {
      true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
     {"rest-after", "SECONDS",
-     "with --store, images of a map that nobody has worked on for so long are let go until somebody does; "
+     "with --store, images of a map that nobody has worked on for so long are evicted from memory until "
+     "somebody does; "
      "0: never [60]",
      true},
     {"drop-after", "SECONDS",
@@ -202,7 +203,7 @@ Result<ServerOptions> translate(const Words& words) {
     } else if (name == "rest-after" || name == "drop-after") {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");
-      (name == "rest-after" ? options.rest_after : options.drop_after) = std::chrono::seconds(*seconds);
+      (name == "rest-after" ? options.idle_after : options.drop_after) = std::chrono::seconds(*seconds);
     } else if (name == "keep-deleted") {
       const auto days = to_number<uint16_t>(value);
       if (!days) return refuse("expected a number of days from 0 on");

@@ -33,7 +33,7 @@ struct ServerOptions {
   size_t max_labels = MapServiceOptions().max_labels;
   RateLimits rates;
   std::string store;                    ///< folder; empty: nothing is kept
-  std::chrono::seconds rest_after{60};  ///< ServiceOptions::rest_after
+  std::chrono::seconds idle_after{60};  ///< ServiceOptions::idle_after
   std::chrono::seconds drop_after{10};  ///< ServiceOptions::drop_after
   std::chrono::hours keep_deleted{0};   ///< ServiceOptions::keep_deleted
   bool lockstep = true;                 ///< ServiceOptions::lockstep

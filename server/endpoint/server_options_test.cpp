@@ -97,9 +97,9 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
 }
 
 TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
-  EXPECT_EQ(accepted({}).rest_after, std::chrono::seconds(60));
-  EXPECT_EQ(accepted({"--rest-after", "5"}).rest_after, std::chrono::seconds(5));
-  EXPECT_EQ(accepted({"--rest-after=0"}).rest_after, std::chrono::seconds(0));
+  EXPECT_EQ(accepted({}).idle_after, std::chrono::seconds(60));
+  EXPECT_EQ(accepted({"--rest-after", "5"}).idle_after, std::chrono::seconds(5));
+  EXPECT_EQ(accepted({"--rest-after=0"}).idle_after, std::chrono::seconds(0));
   for (const char* none : {"-1", "soon", "5000000000"}) EXPECT_EQ(refused({"--rest-after", none}).code, 2);
   EXPECT_EQ(accepted({}).drop_after, std::chrono::seconds(10));
   EXPECT_EQ(accepted({"--drop-after", "0"}).drop_after, std::chrono::seconds(0));

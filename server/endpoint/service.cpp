@@ -118,7 +118,7 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   if (known.access == nullptr) known.access = state->site->policy();
   if (state->store) {
     restored = state->store->opening().restore(options.mapping, on_threads(options.workers),
-                                               restored_images(options.rest_after));
+                                               restored_images(options.idle_after));
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }

@@ -16,7 +16,7 @@ namespace cairn {
 /// looked for in a few other keyframes that should show it, only at the depths that its own leaves open. What
 /// none of them shows where it should be is refused, and so is what even these leave uncertain. Where no
 /// other keyframe can show it the tracker's word counts, if it is as good as that of two views a degree
-/// apart. All images are needed: where some have been let go, nothing is made. Ids in order of creation.
+/// apart. All images are needed: where some have been evicted, nothing is made. Ids in order of creation.
 /// `extent`: in which they must be; nothing: everywhere.
 [[nodiscard]] std::vector<PointId> make_candidate_points(MapState* map, KeyframeId keyframe,
                                                          std::span<const PointCandidate> candidates,

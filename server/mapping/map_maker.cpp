@@ -377,7 +377,7 @@ void MapMaker::keep_everything_anew() {
   state_->recorder.reset();
 }
 
-void MapMaker::let_images_go() {
+void MapMaker::evict_images() {
   State& s = *state_;
   for (const MapKeyframe& k : s.map.keyframes()) {
     if (s.recorder.has_given_image(k.id)) s.map.keyframe(k.id).images = nullptr;
@@ -397,7 +397,7 @@ std::vector<KeyframeId> MapMaker::lacking_images() const {
   return lacking;
 }
 
-bool MapMaker::give_image_back(KeyframeId id, const GrayView& image) {
+bool MapMaker::page_in_image(KeyframeId id, const GrayView& image) {
   MapKeyframe& k = state_->map.keyframe(id);
   if (image.width != k.camera->width() || image.height != k.camera->height()) return false;
   if (lacks_images(k)) k.images = prepare_images(image, k.still);
@@ -407,7 +407,7 @@ bool MapMaker::give_image_back(KeyframeId id, const GrayView& image) {
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
   MapStatistics stats;
-  size_t& bytes_of_lacking = has_work() ? stats.bytes : stats.bytes_let_go;
+  size_t& bytes_of_lacking = has_work() ? stats.bytes : stats.evicted_bytes;
   for (const MapKeyframe& k : map.keyframes()) {
     stats.keyframes += k.live ? 1 : 0;
     stats.measurements += k.measurements.size();

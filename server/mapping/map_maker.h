@@ -133,8 +133,8 @@ struct MapStatistics {
   size_t measurements = 0;
   size_t bytes = 0;  ///< memory of the map beside what was published, with the images that are there or that
                      ///< due work needs
-  size_t bytes_let_go = 0;    ///< of images that are not there and will only be needed by new work; about
-  size_t without_images = 0;  ///< keyframes whose images have been let go
+  size_t evicted_bytes = 0;   ///< of images that are not there and will only be needed by new work; about
+  size_t without_images = 0;  ///< keyframes whose images have been evicted
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
   std::vector<CameraEstimate> cameras;  ///< as in the last snapshot
@@ -157,8 +157,8 @@ struct MapIdentity {
   Epoch epoch;
 };
 
-/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::let_images_go().
-enum class RestoredImages : uint8_t { kStay, kLetGo };
+/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::evict_images().
+enum class RestoredImages : uint8_t { kStay, kEvicted };
 
 class MapMaker {
  public:
@@ -185,7 +185,7 @@ class MapMaker {
   [[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const KeyframeInput& input) const;
   /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe,
   /// measurements of known points and points of its candidates are in the map on return, the rest is work
-  /// for step(). Candidates that come while images are let go are passed over. A few milliseconds.
+  /// for step(). Candidates that come while images are evicted are passed over. A few milliseconds.
   /// Refused as kFull while there is still room for the points of all keyframes taken before.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
 
@@ -212,7 +212,7 @@ class MapMaker {
   [[nodiscard]] MapSnapshotPtr snapshot();
 
   /// Live keyframes with their images and measurements, ascending by id: for the relocalizer. Those whose
-  /// images have been let go come without an image; their measurements are what they were then.
+  /// images have been evicted come without an image; their measurements are what they were then.
   [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
   /// The next snapshot has this name.
@@ -242,14 +242,14 @@ class MapMaker {
   /// Lets go the images that take_changes() has given, all of which has been kept: most of a map's memory.
   /// Not while there is work. The map can be looked at, renamed and kept, and takes keyframes, which bring
   /// their images; step() and adopt() need all images back.
-  void let_images_go();
-  /// Whether any keyframe's images have been let go.
+  void evict_images();
+  /// Whether any keyframe's images have been evicted.
   [[nodiscard]] bool lacks_any_images() const;
-  /// Keyframes whose images have been let go, ascending.
+  /// Keyframes whose images have been evicted, ascending.
   [[nodiscard]] std::vector<KeyframeId> lacking_images() const;
   /// Gives an image back as it was kept (ImageRecord): with all of them the map is what it was. False when it
   /// is not of the keyframe's size. Some milliseconds.
-  [[nodiscard]] bool give_image_back(KeyframeId keyframe, const GrayView& image);
+  [[nodiscard]] bool page_in_image(KeyframeId keyframe, const GrayView& image);
 
  private:
   struct State;

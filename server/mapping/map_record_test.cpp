@@ -219,20 +219,20 @@ TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {
   EXPECT_DOUBLE_EQ(from_whole->maker->reprojection_rms(), maker_->reprojection_rms());
 }
 
-TEST_F(MapRecordTest, ImagesThatWereLetGoAndGivenBackChangeNothing) {
+TEST_F(MapRecordTest, ImagesThatWereEvictedAndPagedInChangeNothing) {
   start();
   MapRecord kept = maker_->take_changes();
   const auto other = restore(kept);
   ASSERT_TRUE(other);
   other->maker->keep_everything_anew();  // its images have not been given yet
-  other->maker->let_images_go();
+  other->maker->evict_images();
   EXPECT_THAT(other->maker->lacking_images(), IsEmpty());
 
   for (int step = 5; step <= 11; step += 3) {
     apply(maker_->take_changes(), &kept);
-    maker_->let_images_go();
+    maker_->evict_images();
     EXPECT_EQ(maker_->statistics().without_images, maker_->statistics().keyframes);
-    EXPECT_GT(maker_->statistics().bytes_let_go, 0U);
+    EXPECT_GT(maker_->statistics().evicted_bytes, 0U);
     EXPECT_TRUE(maker_->take_changes().empty()) << "that is no change";
     const KeyframeInput next = testing::make_offer(scene_, *maker_->snapshot(), step);
     ASSERT_EQ(maker_->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
@@ -243,11 +243,11 @@ TEST_F(MapRecordTest, ImagesThatWereLetGoAndGivenBackChangeNothing) {
     EXPECT_THAT(whole.removed_images, IsEmpty());
     apply(whole, &kept);
     for (const KeyframeId id : maker_->lacking_images()) {
-      EXPECT_FALSE(maker_->give_image_back(id, GrayImage(8, 8).view()));
+      EXPECT_FALSE(maker_->page_in_image(id, GrayImage(8, 8).view()));
       const auto image = std::find_if(kept.images.begin(), kept.images.end(),
                                       [id](const auto& i) { return i.keyframe == id; });
       ASSERT_NE(image, kept.images.end());
-      EXPECT_TRUE(maker_->give_image_back(id, image->image->view()));
+      EXPECT_TRUE(maker_->page_in_image(id, image->image->view()));
     }
     ASSERT_EQ(other->maker->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
     for (MapMaker* maker : {maker_.get(), other->maker.get()}) {

@@ -138,7 +138,7 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
     has_image_[i] = k.live;
     if (!k.live) {
       record.removed_images.push_back(k.id);
-    } else if (k.images != nullptr) {  // one that was let go has been kept
+    } else if (k.images != nullptr) {  // one that was evicted has been kept
       record.images.push_back({k.id, GrayImagePtr(k.images, &k.images->pyramid.level(0))});
     }
   }

@@ -62,7 +62,7 @@ struct MapKeyframe {
   Timestamp time;
   SE3 camera_from_map;
   std::shared_ptr<const KeyframeImages>
-      images;                             ///< null once the keyframe is removed, or while they are let go
+      images;                             ///< null once the keyframe is removed, or while they are evicted
   StillMaskPtr still;                     ///< what stands still in them; null: nothing
   std::optional<UpDirection> up;          ///< in the camera's axes; nothing: not known
   std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
@@ -73,7 +73,7 @@ struct MapKeyframe {
   bool live = true;
 };
 
-/// Whether the images of a keyframe have been let go and can be given back.
+/// Whether the images of a keyframe have been evicted and can be paged in.
 [[nodiscard]] inline bool lacks_images(const MapKeyframe& keyframe) {
   return keyframe.live && keyframe.images == nullptr;
 }

@@ -10,7 +10,8 @@ std::string Capacity::why_memory_is_full(size_t more) const {
   const size_t bytes = maps_.bytes();
   if (bytes + more < options_.max_memory_bytes) return {};
   std::string why = "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB";
-  if (more > 0) why += ", and this one, which rests, needs " + std::to_string(more / kMegabyte) + " MB more";
+  if (more > 0)
+    why += ", and this one, which is idle, needs " + std::to_string(more / kMegabyte) + " MB more";
   return why + " (--max-memory)";
 }
 
@@ -20,7 +21,7 @@ std::string Capacity::why_map_is_full(const MapEntry& entry) const {
     return "the map has " + std::to_string(keyframes) +
            " keyframes, which is all it may have (--max-keyframes)";
   }
-  return why_memory_is_full(bytes_to_wake(entry));
+  return why_memory_is_full(bytes_to_page_in(entry));
 }
 
 std::string Capacity::why_full() const {

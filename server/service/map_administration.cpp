@@ -219,7 +219,7 @@ void MapAdministration::take_in(MapId id, MapOpening::Undo undo, const AdminAnsw
     }
   };
   context_.store->opening().restore_one(id, context_.options.mapping,
-                                        restored_images(context_.options.rest_after), undo, serve);
+                                        restored_images(context_.options.idle_after), undo, serve);
 }
 
 void MapAdministration::serve_anew(ResumedMap map, MapOpening::Undo undo, const AdminAnswer& answer) {

@@ -94,24 +94,24 @@ size_t MapArray::live_count() const {
       maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.snapshot != nullptr; }));
 }
 
-size_t MapArray::resting_count() const {
+size_t MapArray::idle_count() const {
   return static_cast<size_t>(
-      std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_at_rest(entry.second); }));
+      std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_idle(entry.second); }));
 }
 
-bool is_at_rest(const MapEntry& entry) {
+bool is_idle(const MapEntry& entry) {
   return entry.statistics.without_images > 0;
 }
 
 size_t bytes_of(const MapEntry& entry) {
   size_t sum =
       entry.statistics.bytes + bytes_indexed(entry.statistics.keyframes, entry.statistics.measurements);
-  if (entry.offers_in_work > 0) sum += entry.statistics.bytes_let_go;
+  if (entry.offers_in_work > 0) sum += entry.statistics.evicted_bytes;
   return sum + entry.bytes_published;
 }
 
-size_t bytes_to_wake(const MapEntry& entry) {
-  return entry.offers_in_work > 0 ? 0 : entry.statistics.bytes_let_go;
+size_t bytes_to_page_in(const MapEntry& entry) {
+  return entry.offers_in_work > 0 ? 0 : entry.statistics.evicted_bytes;
 }
 
 wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right) {

@@ -49,7 +49,7 @@ struct MapEntry {
   MonotonicTime used_at = {};                  ///< when it last changed or was offered a keyframe
   std::optional<Timestamp> localized_at = {};  ///< when a tracker last said that it is found in it
   OfferTimes offer_times{};
-  int offers_in_work = 0;                ///< each may wake it
+  int offers_in_work = 0;                ///< each may have its images paged in
   std::string name_to_be = {};           ///< while it is being kept: taken already
   bool leaving = false;                  ///< it is being deleted
   bool rolling_back = false;             ///< another state of it is about to take its place
@@ -61,15 +61,15 @@ struct MapEntry {
 /// To who asks anything of a map meanwhile.
 inline constexpr const char* kRollingBack = "another state of the map is about to take its place; try again";
 
-/// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
+/// Memory that a map takes as it is served [bytes]: the map maker's (without images while it is idle and has
 /// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);
 
-/// What an offer to it adds to that before its own: its images, while it rests.
-[[nodiscard]] size_t bytes_to_wake(const MapEntry& entry);
+/// What an offer to it adds to that before its own: its images, while it is idle.
+[[nodiscard]] size_t bytes_to_page_in(const MapEntry& entry);
 
-/// Whether its images have been let go.
-[[nodiscard]] bool is_at_rest(const MapEntry& entry);
+/// Whether its images have been evicted.
+[[nodiscard]] bool is_idle(const MapEntry& entry);
 
 /// The maps by id. Used from one thread.
 class MapArray {
@@ -97,7 +97,7 @@ class MapArray {
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
   /// Those that have been made.
   [[nodiscard]] size_t live_count() const;
-  [[nodiscard]] size_t resting_count() const;
+  [[nodiscard]] size_t idle_count() const;
   /// Memory of all maps, as they were last published. Costs nothing.
   [[nodiscard]] size_t bytes() const { return bytes_; }
 

@@ -95,19 +95,19 @@ TEST(MapArray, ARefusedSeedGivesItsNameBack) {
   EXPECT_EQ(maps.find(id), nullptr);
 }
 
-TEST(MapArray, ARestingMapThatIsOfferedAKeyframeCountsAsAwake) {
+TEST(MapArray, AnIdleMapThatIsOfferedAKeyframeCountsAsInUse) {
   MapArray maps(1);
   MapEntry& entry = maps.add(maps.ids().next(), MapEntry{"desk", {}, {}, {}, {}});
   MapStatistics statistics;
   statistics.bytes = 1000;
-  statistics.bytes_let_go = 5000;
+  statistics.evicted_bytes = 5000;
   maps.measured(&entry, statistics);
   const size_t indexed = bytes_indexed(0, 0);
   EXPECT_EQ(maps.bytes(), 1000U + indexed);
-  EXPECT_EQ(bytes_to_wake(entry), 5000U);
+  EXPECT_EQ(bytes_to_page_in(entry), 5000U);
   maps.begin_offer(&entry);
   EXPECT_EQ(maps.bytes(), 6000U + indexed);
-  EXPECT_EQ(bytes_to_wake(entry), 0U) << "they count already";
+  EXPECT_EQ(bytes_to_page_in(entry), 0U) << "they count already";
 }
 
 MapSnapshotPtr snapshot_of(size_t points) {
@@ -164,7 +164,7 @@ class CountedMaps {
     const std::string name = "map-" + std::to_string(random() % 12);
     MapStatistics statistics;
     statistics.bytes = random() % 10'000;
-    statistics.bytes_let_go = random() % 10'000;
+    statistics.evicted_bytes = random() % 10'000;
     statistics.keyframes = random() % 100;
     if (entry == nullptr) {
       maps_.add(id, MapEntry{maps_.names().free(random() % 2 == 0 ? name : ""), {}, {}, {}, {}});

@@ -71,7 +71,7 @@ MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, c
     // Indexed first, and only then, if they are needed, made ready to be worked on: that takes several times
     // as long.
     auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options,
-                                  RestoredImages::kLetGo);
+                                  RestoredImages::kEvicted);
     if (!made) return fail_with(made.error());
     loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
     MapMaker& maker = *made->maker;
@@ -79,7 +79,7 @@ MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, c
         index_map(nullptr, maker.snapshot(), views_with_images(maker, stored->record.images));
     if (images == RestoredImages::kStay || !loaded.damage.empty() || maker.has_work()) {
       for (const ImageRecord& r : stored->record.images)
-        (void)maker.give_image_back(r.keyframe, r.image->view());
+        (void)maker.page_in_image(r.keyframe, r.image->view());
     }
     if (loaded.damage.empty()) (void)maker.take_changes();  // from here on, only what changes
     loaded.restored = RestoredMap{header,

@@ -33,8 +33,8 @@ struct RestoredMap {
 };
 
 /// Of maps from the store that have nothing to do.
-[[nodiscard]] constexpr RestoredImages restored_images(std::chrono::seconds rest_after) {
-  return rest_after.count() > 0 ? RestoredImages::kLetGo : RestoredImages::kStay;
+[[nodiscard]] constexpr RestoredImages restored_images(std::chrono::seconds idle_after) {
+  return idle_after.count() > 0 ? RestoredImages::kEvicted : RestoredImages::kStay;
 }
 
 /// Runs `work`; what it throws (memory, a library) is an error like others.

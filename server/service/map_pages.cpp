@@ -95,12 +95,12 @@ json describe(const told::Server& server) {
           {"health", server.health},
           {"store", server.store.empty() ? std::string() : one_line(server.store.string())},
           {"maps", server.maps},
-          {"maps_at_rest", server.maps_at_rest},
+          {"maps_at_rest", server.idle_maps},
           {"memory_bytes", server.memory_bytes},
           {"limits",
            {{"maps", server.max_maps},
             {"memory_bytes", server.max_memory_bytes},
-            {"rest_after_s", server.rest_after.count()}}},
+            {"rest_after_s", server.idle_after.count()}}},
           {"damaged", list_of(server.damaged)},
           {"damaged_files", server.damaged_files},
           {"unloaded", list_of(server.unloaded)},
@@ -121,7 +121,7 @@ json describe(const told::Map& map) {
   json told{{"id", to_hex(map.id.bytes)},        {"name", map.name},
             {"keyframes", map.keyframes},        {"points", map.points},
             {"epoch", map.epoch.value},          {"revision", map.revision.value},
-            {"memory_bytes", map.memory_bytes},  {"at_rest", map.at_rest},
+            {"memory_bytes", map.memory_bytes},  {"at_rest", map.is_idle},
             {"plane_aligned", map.plane_aligned}};
   if (!map.frozen.empty()) told["frozen"] = map.frozen;
   return told;

@@ -61,7 +61,7 @@ class MapPersistence {
   [[nodiscard]] MapOpening& opening() { return opening_; }
   [[nodiscard]] const MapOpening& opening() const { return opening_; }
 
-  /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
+  /// Images that have been evicted: the first of these keyframes' (Store::read_images()), as many as others
   /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
   /// writer, in its turn: with all that was handed in before, whatever happens. Error kIo: it may be over
   /// soon.

@@ -263,7 +263,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   {
     const auto store = open();
     const std::vector<RestoredMap> maps =
-        store->opening().restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
+        store->opening().restore(options_, on_threads(kThreads), RestoredImages::kEvicted);
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(maps[0].maker->statistics().without_images, 0U) << "a global adjustment is due";
     adjust_globally();
@@ -272,7 +272,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   }
   const auto store = open();
   const std::vector<RestoredMap> maps =
-      store->opening().restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
+      store->opening().restore(options_, on_threads(kThreads), RestoredImages::kEvicted);
   ASSERT_THAT(maps, SizeIs(1));
   MapMaker& map = *maps[0].maker;
   EXPECT_FALSE(map.has_work());
@@ -288,7 +288,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   const auto rows = read->get_future().get();
   ASSERT_TRUE(rows) << rows.error().message;
   for (const ImageRow& row : *rows)
-    EXPECT_TRUE(map.give_image_back(row.keyframe, decode_image_row(row.data)->view()));
+    EXPECT_TRUE(map.page_in_image(row.keyframe, decode_image_row(row.data)->view()));
   EXPECT_EQ(map.statistics().without_images, 0U);
   const KeyframeInput next = testing::make_offer(scene_, *map.snapshot(), 17);
   for (MapMaker* maker : {maker_.get(), &map}) {

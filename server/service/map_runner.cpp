@@ -332,7 +332,7 @@ void MapRunner::schedule_upkeep() {
 void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
   if (stopping_ || frozen_) return;
-  if (needs_images()) return read_images_back([self = shared_from_this()] { self->schedule_upkeep(); });
+  if (needs_images()) return page_in([self = shared_from_this()] { self->schedule_upkeep(); });
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report =
       step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
@@ -378,7 +378,7 @@ void MapRunner::adjust_globally(Executor* executor, std::function<void(bool adop
 void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
   queue_.post([self = shared_from_this(), adjustments, then = std::move(then)]() mutable {
     if (self->needs_images() && self->guarded([&] {
-          self->read_images_back([self, adjustments, then] { self->finish_all_work(adjustments, then); });
+          self->page_in([self, adjustments, then] { self->finish_all_work(adjustments, then); });
         }))
       return;
     // To its end, whoever waits: where a step is cut decides what comes of it.

@@ -90,7 +90,7 @@ struct MapMeasures {
 /// on the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
 /// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
 /// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
-/// rest: its images are let go, and read back before the next step of its work. Every job is answered,
+/// be idle: its images are evicted, and paged in before the next step of its work. Every job is answered,
 /// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
@@ -102,8 +102,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     std::function<void(MapRevision revision)> changed;
     /// Its work has failed, or its file: it is served as last published and takes nothing any more.
     std::function<void(std::string why)> frozen;
-    /// Its images have been let go, or are back.
-    std::function<void(MapStatistics now)> rested = {};
+    /// Its images have been evicted, or paged in.
+    std::function<void(MapStatistics now)> paged = {};
   };
   /// `snapshot` is null when the seed was refused.
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
@@ -137,7 +137,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void go_on_after_all();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// images the place index has; else nothing happens. With a store only. Does not wait.
-  void rest(std::pair<Epoch, Revision> indexed);
+  void evict_images(std::pair<Epoch, Revision> indexed);
   /// `done` gets them of the map as it is.
   void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
@@ -171,21 +171,21 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
   /// Solves in an executor and adopts on the queue, then calls `then` there.
   void adjust_globally(Executor* executor, std::function<void(bool adopted)> then);
-  // Images let go and read back (map_resting.cpp).
-  [[nodiscard]] bool may_rest(const std::pair<Epoch, Revision>& indexed) const;
-  /// Whether the next step of its work needs images that have been let go.
+  // Images evicted and paged in (map_paging.cpp).
+  [[nodiscard]] bool may_evict(const std::pair<Epoch, Revision>& indexed) const;
+  /// Whether the next step of its work needs images that have been evicted.
   [[nodiscard]] bool needs_images() const;
   /// Then calls `then`, on the queue, whatever has happened: when they can never be had, the map is frozen.
   /// What may pass (a busy disk, no memory) is waited for. An exception: nothing has been done.
-  void read_images_back(std::function<void()> then);
+  void page_in(std::function<void()> then);
   using Continuations = std::shared_ptr<std::vector<std::function<void()>>>;
   using ImageRows = Result<std::vector<ImageRow>>;
   /// Runs a part of that; unless it says that another one is under way, it was the last.
   void read_on(const Continuations& waiting, const std::function<bool()>& part);
   [[nodiscard]] bool read_next_images(const Continuations& waiting);
   /// From rows[next] on.
-  [[nodiscard]] bool give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
-                                      const Continuations& waiting);
+  [[nodiscard]] bool page_in_images(const std::shared_ptr<const ImageRows>& rows, size_t next,
+                                    const Continuations& waiting);
   [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
   void end_reading(const Continuations& waiting);
   /// An offer of a chain, until those before it are in the map.

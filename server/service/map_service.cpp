@@ -129,7 +129,7 @@ void MapService::tick(MonotonicTime now) {
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   for (const std::string& line : rigs_.pass(now)) context_.log->info("{}", line);
-  maps_.let_rest(now, *places_.index());
+  maps_.evict_idle_maps(now, *places_.index());
   map_administration_.drop_dead(now);
   places_.keep_overlaps();
   news_.tell_due();

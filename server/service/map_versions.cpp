@@ -94,7 +94,7 @@ void MapVersions::compact_crowded(MonotonicTime now) {
   for (const auto& [id, entry] : maps_.array().all()) {
     if (!is_unused(id, entry) || !why_not(entry, true).empty()) continue;
     if (!wants_compaction(*entry.snapshot, context_.options.mapping)) continue;
-    if (!capacity_.why_memory_is_full(bytes_of(entry) + bytes_to_wake(entry)).empty()) continue;
+    if (!capacity_.why_memory_is_full(bytes_of(entry) + bytes_to_page_in(entry)).empty()) continue;
     const auto [tried, is_first] = compaction_tried_at_.try_emplace(id, now);
     if (!is_first && now - tried->second < kTriedAgainAfter) continue;
     tried->second = now;
@@ -215,7 +215,7 @@ void MapVersions::take(const Meant& map, const asked::Copy& ask, const AdminAnsw
   if (!maps_.array().names().is_free(ask.name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + ask.name + "'"));
   std::string full = capacity_.why_full();
-  if (full.empty()) full = capacity_.why_memory_is_full(bytes_of(*map.entry) + bytes_to_wake(*map.entry));
+  if (full.empty()) full = capacity_.why_memory_is_full(bytes_of(*map.entry) + bytes_to_page_in(*map.entry));
   if (!full.empty()) return answer(refusal(ErrorCode::kRefused, std::move(full)));
   const MapId copy = maps_.array().ids().next();
   maps_.array().ids().reserve(copy);
@@ -229,7 +229,7 @@ void MapVersions::take(const Meant& map, const asked::Copy& ask, const AdminAnsw
 }
 
 std::string MapVersions::why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const {
-  const size_t now = bytes_of(entry) + bytes_to_wake(entry);
+  const size_t now = bytes_of(entry) + bytes_to_page_in(entry);
   const size_t keyframes = std::max<size_t>(entry.statistics.keyframes, 1);
   const size_t then = now / keyframes * tag.keyframes;  // nearly all of it is theirs
   return then > now ? capacity_.why_memory_is_full(then - now) : std::string();
@@ -262,7 +262,7 @@ void MapVersions::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState
       [this, id, change = std::move(change), place = std::move(place), take, done](const Status& kept) {
         if (!kept) return done(kept);
         context_.store->opening().change_state(id, context_.options.mapping,
-                                               restored_images(context_.options.rest_after),
+                                               restored_images(context_.options.idle_after),
                                                {place, change, take, done});
       });
 }

@@ -44,11 +44,11 @@ struct Server {
   std::string health;
   std::filesystem::path store;  ///< empty: nothing is kept
   size_t maps = 0;
-  size_t maps_at_rest = 0;
+  size_t idle_maps = 0;
   size_t memory_bytes = 0;
   size_t max_maps = 0;
   size_t max_memory_bytes = 0;
-  std::chrono::seconds rest_after{0};
+  std::chrono::seconds idle_after{0};
   std::vector<DamagedSeen> damaged;   ///< the first of them
   size_t damaged_files = 0;           ///< how many there are
   std::vector<UnloadedMap> unloaded;  ///< the first of them
@@ -101,7 +101,7 @@ struct Map {
   Epoch epoch;
   Revision revision;
   size_t memory_bytes = 0;
-  bool at_rest = false;
+  bool is_idle = false;
   bool plane_aligned = false;
   std::string frozen;  ///< why; empty: it is not
 };

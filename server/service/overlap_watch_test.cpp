@@ -104,7 +104,7 @@ TEST_F(OverlapWatchTest, OfAMapThatGrowsFasterEightKeyframesWait) {
 
 TEST_F(OverlapWatchTest, WhatTheStoreBroughtIsNotAskedAboutAgain) {
   search(1, {without_image(1), without_image(2)});
-  search(1, {keyframe(1), keyframe(2)});  // it is awake
+  search(1, {keyframe(1), keyframe(2)});  // it is in use again
   EXPECT_EQ(asked(), 0);
   search(1, {keyframe(1), keyframe(2), keyframe(3)});
   EXPECT_EQ(asked(), 1);

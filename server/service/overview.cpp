@@ -45,7 +45,7 @@ told::Map describe_map(MapId id, const MapEntry& entry) {
           .epoch = entry.snapshot->epoch,
           .revision = entry.snapshot->revision,
           .memory_bytes = bytes_of(entry),
-          .at_rest = is_at_rest(entry),
+          .is_idle = is_idle(entry),
           .plane_aligned = entry.plane_aligned,
           .frozen = entry.frozen};
 }
@@ -59,11 +59,11 @@ told::Server Overview::server() const {
       .health = health_.words(),
       .store = context_.store ? context_.store->folder() : std::filesystem::path(),
       .maps = maps_.live_count(),
-      .maps_at_rest = maps_.resting_count(),
+      .idle_maps = maps_.idle_count(),
       .memory_bytes = maps_.bytes(),
       .max_maps = options.max_maps,
       .max_memory_bytes = options.max_memory_bytes,
-      .rest_after = context_.store ? options.rest_after : std::chrono::seconds(0),
+      .idle_after = context_.store ? options.idle_after : std::chrono::seconds(0),
       .damaged = seen(first_of(health_.damaged()), [this](MapId map) { return maps_.all().contains(map); }),
       .damaged_files = health_.damaged().size(),
       .unloaded = first_of(health_.unloaded()),

@@ -44,7 +44,7 @@ void PlaceDesk::catch_up() {
     try {
       adopt(map, reported);
     } catch (const std::exception& problem) {
-      // Memory. Of a map at rest nothing else brings its images again.
+      // Memory. Of an idle map nothing else brings its images again.
       log_->error("map {}: not searched as it is now: {}; tried again with the next change",
                   reported.snapshot ? reported.snapshot->name : to_hex(map.bytes), problem.what());
       const std::scoped_lock lock(mutex_);

@@ -99,7 +99,7 @@ TEST_F(PlaceDeskTest, ALockstepQuestionIsAnsweredWithAllThatWasReported) {
   }
 }
 
-TEST_F(PlaceDeskTest, AnImageThatWasLetGoIsFoundAsItWasIndexed) {
+TEST_F(PlaceDeskTest, AnImageThatWasEvictedIsFoundAsItWasIndexed) {
   const auto without_image = [](KeyframeView view) {
     view.pyramid = nullptr;
     return view;

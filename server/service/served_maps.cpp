@@ -44,7 +44,7 @@ std::shared_ptr<MapRunner> ServedMaps::make_runner(MapId map) {
       if (MapEntry* entry = array_.find(map)) entry->frozen = why;
     });
   };
-  listener.rested = [this, map, &post](MapStatistics now) {
+  listener.paged = [this, map, &post](MapStatistics now) {
     post([this, map, now = std::move(now)]() mutable {
       MapEntry* entry = array_.find(map);
       if (entry == nullptr) return;
@@ -140,9 +140,9 @@ void ServedMaps::forget(MapId map) {
   listener_.gone(map, was_shown);
 }
 
-void ServedMaps::let_rest(MonotonicTime now, const PlaceIndex& index) {
-  const std::chrono::seconds rest_after = context_.options.rest_after;
-  if (context_.store == nullptr || rest_after.count() == 0) return;
+void ServedMaps::evict_idle_maps(MonotonicTime now, const PlaceIndex& index) {
+  const std::chrono::seconds idle_after = context_.options.idle_after;
+  if (context_.store == nullptr || idle_after.count() == 0) return;
   // The allocator keeps most of what is freed here and there otherwise: images lie between what stays. Some
   // milliseconds, with locks that anybody who allocates may wait for: on a thread that does not stand back
   // for others, and beside those that maps and questions wait for.
@@ -150,10 +150,11 @@ void ServedMaps::let_rest(MonotonicTime now, const PlaceIndex& index) {
   for (const auto& [map, entry] : array_.all()) {
     const bool is_awake = entry.statistics.keyframes > entry.statistics.without_images;
     if (entry.runner == nullptr || entry.snapshot == nullptr || !entry.frozen.empty() || !is_awake ||
-        now - entry.used_at < rest_after)
+        now - entry.used_at < idle_after)
       continue;
     const IndexedMap* indexed = index.find(map);
-    if (indexed != nullptr) entry.runner->rest({indexed->snapshot->epoch, indexed->snapshot->revision});
+    if (indexed != nullptr)
+      entry.runner->evict_images({indexed->snapshot->epoch, indexed->snapshot->revision});
   }
 }
 

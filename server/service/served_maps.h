@@ -35,7 +35,7 @@ struct ResumedMap {
 };
 
 /// The maps that are served: they come (made by a seed, given back by the store, fed from outside), change,
-/// rest and go, and whoever has to do with that is told. Used from the service's thread, unless said
+/// idle and go, and whoever has to do with that is told. Used from the service's thread, unless said
 /// otherwise.
 class ServedMaps {
  public:
@@ -77,7 +77,7 @@ class ServedMaps {
   void forget(MapId map);
 
   /// Those that have not been in use for long. `index`: what questions are answered with.
-  void let_rest(MonotonicTime now, const PlaceIndex& index);
+  void evict_idle_maps(MonotonicTime now, const PlaceIndex& index);
   /// Running work ends soon.
   void stop();
   /// Hands what has changed to the store, when no executor runs any more.
@@ -88,7 +88,7 @@ class ServedMaps {
   Listener listener_;
   MapArray array_;
   YoungMaps young_;
-  bool memory_freed_ = false;  ///< by a map that rests, since memory was last given back
+  bool memory_freed_ = false;  ///< by evicted images, since memory was last given back
 
   mutable std::mutex mutex_;  ///< of what follows
   std::map<MapId, MapSnapshotPtr> published_;

@@ -35,8 +35,8 @@ struct MapServiceOptions {
   size_t max_waiting_bytes = 256'000'000;
   RateLimits rates;  ///< of each client
   /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
-  /// to do, are let go until it has again; 0: never.
-  std::chrono::seconds rest_after{60};
+  /// to do, are evicted until it has again; 0: never.
+  std::chrono::seconds idle_after{60};
   /// A nearly full map is compacted when it has not been used for so long: what a client that is cut off
   /// keeps for it would be refused as of another epoch, and is rarely older.
   std::chrono::seconds compact_after{std::chrono::hours(24)};

@@ -86,7 +86,7 @@ Status prepare(Store* store, MapId map, const MapRewrite& how, const AcceptState
   if (!file) return tl::unexpected(file.error());
   StoredMap stored = file->load(LoadedImages::kDecodedOnly);
   if (!stored.damage.empty()) return fail(ErrorCode::kDamaged, stored.damage.front());
-  auto assembled = assemble_map(stored.record, RestoredImages::kLetGo);
+  auto assembled = assemble_map(stored.record, RestoredImages::kEvicted);
   if (!assembled) return tl::unexpected(assembled.error());
   MapState& state = assembled->state;
   const MapState before = state;

@@ -54,7 +54,7 @@ std::vector<std::string> check_references(const StoredMap& map, FileCheck* found
     if (label.anchor.value > map.record.keyframe_count)
       faults.push_back("label " + std::to_string(label.id) + " sticks to a keyframe that never was");
   }
-  const auto assembled = assemble_map(map.record, RestoredImages::kLetGo);
+  const auto assembled = assemble_map(map.record, RestoredImages::kEvicted);
   if (!assembled) {
     faults.push_back(assembled.error().message);
     return faults;

@@ -74,23 +74,23 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
   return {};
 }
 
-/// What a map that rests needs before its next work: its images from the file, decoded and prepared by one
+/// What an idle map needs before its next work: its images from the file, decoded and prepared by one
 /// thread.
-Status time_waking(const std::filesystem::path& folder) {
+Status time_paging_in(const std::filesystem::path& folder) {
   auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());
   std::vector<double> reads;
-  std::vector<double> wakes;
+  std::vector<double> paged_in;
   size_t keyframes = 0;
-  size_t at_rest = 0;
-  size_t awake = 0;
+  size_t evicted = 0;
+  size_t resident = 0;
   for (const RestoredMap& map :
-       (*persistence)->opening().restore({}, on_threads(2), RestoredImages::kLetGo)) {
+       (*persistence)->opening().restore({}, on_threads(2), RestoredImages::kEvicted)) {
     const auto begin = Clock::now();
     const std::vector<KeyframeId> lacking = map.maker->lacking_images();
     if (lacking.empty()) continue;  // it has work to do
     keyframes = lacking.size();
-    at_rest = map.maker->statistics().bytes;
+    evicted = map.maker->statistics().bytes;
     double reading = 0;
     while (map.maker->lacks_any_images()) {
       const auto turn = Clock::now();
@@ -102,19 +102,19 @@ Status time_waking(const std::filesystem::path& folder) {
       if (!rows) return tl::unexpected(rows.error());
       reading += ms_since(turn);
       for (const ImageRow& row : *rows)
-        (void)map.maker->give_image_back(row.keyframe, decode_image_row(row.data)->view());
+        (void)map.maker->page_in_image(row.keyframe, decode_image_row(row.data)->view());
     }
     reads.push_back(reading);
-    wakes.push_back(ms_since(begin));
-    awake = map.maker->statistics().bytes;
+    paged_in.push_back(ms_since(begin));
+    resident = map.maker->statistics().bytes;
   }
-  if (wakes.empty()) return fail(ErrorCode::kUsage, "the map has work to do: it does not rest");
+  if (paged_in.empty()) return fail(ErrorCode::kUsage, "the map has work to do: it is not idle");
   std::sort(reads.begin(), reads.end());
-  std::sort(wakes.begin(), wakes.end());
+  std::sort(paged_in.begin(), paged_in.end());
   std::printf(
-      "a map of %zu keyframes at rest, %.1f MB: read p50 %.1f ms, awake p50 %.1f, most %.1f ms, %.1f MB\n",
-      keyframes, static_cast<double>(at_rest) * 1e-6, reads[reads.size() / 2], wakes[wakes.size() / 2],
-      wakes.back(), static_cast<double>(awake) * 1e-6);
+      "a map of %zu keyframes, idle, %.1f MB: read p50 %.1f ms, paged in p50 %.1f, most %.1f ms, %.1f MB\n",
+      keyframes, static_cast<double>(evicted) * 1e-6, reads[reads.size() / 2], paged_in[paged_in.size() / 2],
+      paged_in.back(), static_cast<double>(resident) * 1e-6);
   return {};
 }
 
@@ -164,7 +164,7 @@ Status run(const std::string& archive, const std::filesystem::path& folder, int 
   for (const int threads : {1, 2}) {
     if (Status timed = time_restore(folder / "store", threads); !timed) return timed;
   }
-  if (Status timed = time_waking(folder / "store"); !timed) return timed;
+  if (Status timed = time_paging_in(folder / "store"); !timed) return timed;
   return time_commits(*map, folder / "store", copies, rounds);
 }
 

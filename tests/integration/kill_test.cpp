@@ -33,8 +33,8 @@ constexpr int kCyclesPerStore = 10;  ///< maps pile up: a new folder now and the
 constexpr int kLastStep = 16;        ///< of Scene::pose(): beyond, too little of the first views is seen
 constexpr unsigned kShortestLifeMs = 50;
 constexpr unsigned kLongestLifeMs = 750;
-constexpr unsigned kRestingLifeMs = 5000;  ///< more for maps to come to rest: kept after 2 s, idle for 1
-constexpr int kCyclesPerRest = 5;          ///< in between those that rest are woken, and killed meanwhile
+constexpr unsigned kIdleLifeMs = 5000;  ///< more for maps to become idle: kept after 2 s, unused for 1
+constexpr int kCyclesPerEviction = 5;   ///< in between the idle ones are paged in, and killed meanwhile
 
 int number_from(const char* variable, int otherwise) {
   const char* wanted = std::getenv(variable);
@@ -154,8 +154,8 @@ void expect_no_litter(const std::filesystem::path& maps) {
     EXPECT_THAT(entry.path().extension().string(), ::testing::StartsWith(".cairnmap")) << entry.path();
 }
 
-/// Maps of the server that are at rest.
-int maps_at_rest(int domain) {
+/// Maps of the server that are idle.
+int idle_maps(int domain) {
   AdminClientOptions connection;
   connection.domain = domain;
   auto admin = AdminClient::connect(connection);
@@ -165,7 +165,7 @@ int maps_at_rest(int domain) {
   return status->content.value("maps_at_rest", 0);
 }
 
-/// In every other folder maps rest as soon as they can.
+/// In every other folder the images of maps are evicted as soon as they can be.
 TEST(KillMinus9, LosesNothingThatWasAccepted) {
   SCOPED_TRACE(::testing::Message() << "repeat with CAIRN_KILL_SEED=" << seed()
                                     << " CAIRN_KILL_CYCLES=" << cycles());
@@ -173,24 +173,24 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
   std::mt19937 random(static_cast<unsigned>(seed()));
   size_t accepted_in_all = 0;
   size_t maps_in_all = 0;
-  int went_to_rest = 0;
+  int became_idle = 0;
   int folders = 0;
   unsigned longest_life_ms = kLongestLifeMs;
   for (int cycle = 0; cycle < cycles(); ++folders) {
-    const bool rests = folders % 2 == 1;
+    const bool evicts = folders % 2 == 1;
     const TestDirectory folder;
     const std::vector<std::string> arguments{"--store", folder.path().string(), "--rest-after",
-                                             rests ? "1" : "60"};
+                                             evicts ? "1" : "60"};
     auto server = std::make_unique<ServerProcess>(0, arguments);
     std::array<Builder, 2> builders{Builder(scene, server->domain(), "anna"),
                                     Builder(scene, server->domain(), "bert")};
     for (int i = 0; i < kCyclesPerStore && cycle < cycles(); ++i, ++cycle) {
       SCOPED_TRACE(::testing::Message() << "cycle " << cycle);
       const unsigned life_ms = kShortestLifeMs + random() % (longest_life_ms - kShortestLifeMs);
-      const bool is_long = rests && i % kCyclesPerRest == 0;
-      std::this_thread::sleep_for(std::chrono::milliseconds(life_ms + (is_long ? kRestingLifeMs : 0)));
-      // Those that come back with a server rest from the start: the first has none.
-      if (rests && i == 0) went_to_rest += maps_at_rest(server->domain());
+      const bool is_long = evicts && i % kCyclesPerEviction == 0;
+      std::this_thread::sleep_for(std::chrono::milliseconds(life_ms + (is_long ? kIdleLifeMs : 0)));
+      // Those that come back with a server are idle from the start: the first has none.
+      if (evicts && i == 0) became_idle += idle_maps(server->domain());
       ASSERT_EQ(server->end(SIGKILL), -SIGKILL);
       {
         // What is heard from now on was said before the end.
@@ -215,8 +215,8 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
       longest_life_ms *= 2;  // a slow machine: the work done counts, not the time
   }
   EXPECT_GT(accepted_in_all, static_cast<size_t>(cycles()) / 2) << "too little load to tell anything";
-  std::printf("%d maps went to rest in the first lives of %d folders\n", went_to_rest, folders / 2);
-  EXPECT_TRUE(went_to_rest > 0 || folders < 2) << "none has been killed at rest that went there itself";
+  std::printf("%d maps became idle in the first lives of %d folders\n", became_idle, folders / 2);
+  EXPECT_TRUE(became_idle > 0 || folders < 2) << "none has been killed that became idle by itself";
 }
 
 }  // namespace

@@ -69,9 +69,9 @@ class Operator(OnTheDesk):
         self.assertGreater(status["limits"]["memory_bytes"], status["memory_bytes"])
         with ServerProcess("--max-maps", 3, "--max-memory", 20, "--rest-after", 7) as server:
             self.assertEqual(self.ctl("status", server=server)["limits"], {"maps": 3, "memory_bytes": 20_000_000, "rest_after_s": 0},
-                             "what is kept nowhere else does not rest")
+                             "what is kept nowhere else is not evicted")
             said = self.say("status", server=server)
-            self.assertIn("maps     0 of 3 (--max-maps), 0 of them at rest (--rest-after: never)", said)
+            self.assertIn("maps     0 of 3 (--max-maps), 0 of them idle (--rest-after: never)", said)
             self.assertIn("memory   0.0 of 20.0 MB (--max-memory)", said)
             for what in ("maps", "labels"):
                 self.assertEqual(self.say_both(what, server=server), ("", f"cairnctl: no {what}\n"))
@@ -311,7 +311,7 @@ class Operator(OnTheDesk):
                 self.assertNotIn(ours, said)
 
     def test_maps_that_nobody_works_on_rest(self):
-        store = self.folder / "resting"
+        store = self.folder / "idle"
         with ServerProcess("--store", store, "--rest-after", 1) as server:
             self.render_half()
             self.track(server, "maker", "--pace", "lockstep", recording="half")
@@ -327,7 +327,7 @@ class Operator(OnTheDesk):
             server.kill_and_restart(0)
             self.assertEqual(self.map_1(server)["keyframes"], grown["keyframes"] - 1, "without the damaged one")
 
-    def test_a_resting_map_that_cannot_be_read_back_is_served_as_it_was(self):
+    def test_an_idle_map_that_cannot_be_read_back_is_served_as_it_was(self):
         store = self.folder / "unreadable"
         with ServerProcess("--store", store, "--rest-after", 1) as server:
             self.render_half()
@@ -340,20 +340,20 @@ class Operator(OnTheDesk):
             self.assertIn("frozen", self.ctl("status", server=server)["health"])
             self.assertEqual(self.map_1(server)["keyframes"], made["keyframes"])
 
-    def test_a_resting_map_wakes_only_where_there_is_memory_for_its_images(self):
+    def test_an_idle_map_is_paged_in_only_where_there_is_memory_for_its_images(self):
         store = self.folder / "little-memory"
         with ServerProcess("--store", store, "--rest-after", 1) as server:
             self.render_half()
             self.track(server, "maker", "--pace", "lockstep", recording="half")
             made = self.wait_for_rest(server)
-        enough_at_rest = made["memory_bytes"] // 1_000_000 + 1
-        with ServerProcess("--store", store, "--rest-after", 1, "--max-memory", enough_at_rest) as server:
+        enough_while_idle = made["memory_bytes"] // 1_000_000 + 1
+        with ServerProcess("--store", store, "--rest-after", 1, "--max-memory", enough_while_idle) as server:
             stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
             there = self.map_1(server)
             self.assertTrue(there["at_rest"])
             self.assertEqual(there["keyframes"], made["keyframes"])
-        with ServerProcess("--store", store, "--rest-after", 0, "--max-memory", 10 * enough_at_rest) as server:
+        with ServerProcess("--store", store, "--rest-after", 0, "--max-memory", 10 * enough_while_idle) as server:
             self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreater(self.map_1(server)["keyframes"], made["keyframes"])
 
@@ -584,7 +584,7 @@ class Operator(OnTheDesk):
     def wait_for_rest(self, server):
         deadline = time.monotonic() + LIMIT
         while not self.map_1(server)["at_rest"]:
-            self.assertLess(time.monotonic(), deadline, "it does not rest")
+            self.assertLess(time.monotonic(), deadline, "it does not become idle")
             time.sleep(0.1)
         return self.map_1(server)
 

@@ -30,11 +30,11 @@ Status ServerRun::open(const Setup& setup) {
   options.entropy = [this] { return static_cast<uint32_t>(random_()); };
   options.server = store_->at_start().server;
   options.start_count = store_->at_start().start_count;
-  options.rest_after = setup.rest_after;
+  options.idle_after = setup.idle_after;
   options.clock = clock_;
   if (setup.adjust) setup.adjust(options);
   std::vector<RestoredMap> restored = store_->opening().restore(
-      options.mapping, [](const Task& share) { share(); }, restored_images(options.rest_after));
+      options.mapping, [](const Task& share) { share(); }, restored_images(options.idle_after));
   auto site = SiteAccess::open(
       setup.folder, SiteKind::kOpen, [clock = clock_] { return clock->wall(); }, setup.log);
   if (!site) return tl::unexpected(site.error());

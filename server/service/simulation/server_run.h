@@ -18,7 +18,7 @@ class ServerRun {
     std::filesystem::path folder;
     std::shared_ptr<const FakeClock> clock;
     Random* random = nullptr;
-    std::chrono::seconds rest_after{4};
+    std::chrono::seconds idle_after{4};
     InProcess::Listener listener;
     Logger log;
     std::function<void(const SiteAccess& site)> opened = {};  ///< before anything is said

@@ -1,61 +1,61 @@
 // SPDX-License-Identifier: Apache-2.0
-// Maps that rest: what they do afterwards is what they would have done, and only what is kept is let go.
+// Idle maps: what they do afterwards is what they would have done, and only what is kept is evicted.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/service/resting_map_fixture.h"
+#include "server/service/idle_map_fixture.h"
 
 namespace cairn {
 namespace {
 
 using namespace cairn::testing;
 
-TEST_F(MapRestingTest, AMapThatHasRestedGoesOnAsOneThatHasNot) {
-  const auto awake = start_map("awake");
-  const auto rested = start_map("rested");
+TEST_F(IdleMapTest, AMapThatWasEvictedGoesOnAsOneThatWasNot) {
+  const auto resident = start_map("resident");
+  const auto idle = start_map("idle");
   for (const int step : {5, 8, 11}) {
-    rested->rest();
-    const size_t at_rest = rested->newest().statistics.bytes;
-    for (KeptMap* map : {awake.get(), rested.get()}) grow(map, step);
-    EXPECT_EQ(rested->without_images(), 0U);
-    EXPECT_LT(2 * at_rest, rested->newest().statistics.bytes);
-    EXPECT_TRUE(testing::bytes_of(*awake->newest().snapshot) ==
-                testing::bytes_of(*rested->newest().snapshot));
+    idle->evict();
+    const size_t evicted = idle->newest().statistics.bytes;
+    for (KeptMap* map : {resident.get(), idle.get()}) grow(map, step);
+    EXPECT_EQ(idle->without_images(), 0U);
+    EXPECT_LT(2 * evicted, idle->newest().statistics.bytes);
+    EXPECT_TRUE(testing::bytes_of(*resident->newest().snapshot) ==
+                testing::bytes_of(*idle->newest().snapshot));
   }
-  rested->rest();
-  for (KeptMap* map : {awake.get(), rested.get()}) map->end();
-  EXPECT_TRUE(awake->content() == rested->content());
+  idle->evict();
+  for (KeptMap* map : {resident.get(), idle.get()}) map->end();
+  EXPECT_TRUE(resident->content() == idle->content());
 }
 
-TEST_F(MapRestingTest, TwoMapsOfOneStoreRestAndWakeTogether) {
+TEST_F(IdleMapTest, TwoMapsOfOneStoreAreEvictedAndPagedInTogether) {
   constexpr std::array<uint8_t, 2> kIds{1, 2};
-  std::vector<std::unique_ptr<KeptMap>> awake;
-  std::vector<std::unique_ptr<KeptMap>> rested;
+  std::vector<std::unique_ptr<KeptMap>> resident;
+  std::vector<std::unique_ptr<KeptMap>> idle;
   {
-    const StorePtr store = open_store("rested");
+    const StorePtr store = open_store("idle");
     for (const uint8_t id : kIds) {
-      awake.push_back(
-          start_map("awake" + std::to_string(id), open_store("awake" + std::to_string(id)), {{id}}));
-      rested.push_back(start_map("rested", store, {{id}}));
+      resident.push_back(
+          start_map("resident" + std::to_string(id), open_store("resident" + std::to_string(id)), {{id}}));
+      idle.push_back(start_map("idle", store, {{id}}));
     }
   }
-  grow(awake[1].get(), 5);  // they are not alike
-  grow(rested[1].get(), 5);
+  grow(resident[1].get(), 5);  // they are not alike
+  grow(idle[1].get(), 5);
   for (const int step : {8, 11}) {
-    for (const auto& map : awake) grow(map.get(), step);
-    for (const auto& map : rested) map->rest();
+    for (const auto& map : resident) grow(map.get(), step);
+    for (const auto& map : idle) map->evict();
     std::vector<std::future<OfferJudgement>> offers;
-    for (const auto& map : rested) offers.push_back(map->send(frame(*map, step)));
+    for (const auto& map : idle) offers.push_back(map->send(frame(*map, step)));
     for (auto& offer : offers) EXPECT_EQ(value_of(std::move(offer)).decision, wire::OfferDecision::kAccepted);
   }
-  for (const auto& maps : {std::cref(awake), std::cref(rested)})
+  for (const auto& maps : {std::cref(resident), std::cref(idle)})
     for (const auto& map : maps.get()) map->end();
-  for (size_t i = 0; i < kIds.size(); ++i) EXPECT_TRUE(awake[i]->content() == rested[i]->content());
+  for (size_t i = 0; i < kIds.size(); ++i) EXPECT_TRUE(resident[i]->content() == idle[i]->content());
 }
 
-TEST_F(MapRestingTest, WhatNeedsNoImagesDoesNotWakeIt) {
+TEST_F(IdleMapTest, WhatNeedsNoImagesDoesNotPageThemIn) {
   const auto map = start_map();
-  map->rest();
+  map->evict();
   EXPECT_EQ(map->offer(frame(*map, testing::kSecondStep)).decision, wire::OfferDecision::kTooClose);
   EXPECT_TRUE(answer_to<Status>([&](auto done) { map->runner().rename("bench", done); }));
   EXPECT_EQ(map->newest().snapshot->name, "bench");
@@ -69,7 +69,7 @@ TEST_F(MapRestingTest, WhatNeedsNoImagesDoesNotWakeIt) {
   EXPECT_EQ(map->without_images(), 2U);
 }
 
-TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
+TEST_F(IdleMapTest, IsFoundAndPosesAreAsBefore) {
   const auto map = start_map();
   grow(map.get(), 5);
   grow(map.get(), 8);
@@ -87,24 +87,24 @@ TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
         [&](auto done) { desk->ask(question(scene_.camera(), *image), std::move(done)); });
   };
   report();
-  const PlaceAnswer awake = ask();
-  ASSERT_TRUE(has_place(awake.verdict)) << awake.reason;
-  map->rest();
+  const PlaceAnswer resident = ask();
+  ASSERT_TRUE(has_place(resident.verdict)) << resident.reason;
+  map->evict();
   ASSERT_TRUE(answer_to<Status>([&](auto done) { map->runner().rename("bench", done); }));
   report();  // a revision without images
   const auto expect_found = [&] {
-    const PlaceAnswer at_rest = ask();
-    ASSERT_TRUE(has_place(at_rest.verdict)) << at_rest.reason;
-    const PlaceCandidate& best = at_rest.candidates.front();
+    const PlaceAnswer evicted = ask();
+    ASSERT_TRUE(has_place(evicted.verdict)) << evicted.reason;
+    const PlaceCandidate& best = evicted.candidates.front();
     EXPECT_EQ(best.map, map->id());
-    EXPECT_EQ(best.keyframe, awake.candidates.front().keyframe);
-    EXPECT_GT(2 * best.inliers, awake.candidates.front().inliers);
+    EXPECT_EQ(best.keyframe, resident.candidates.front().keyframe);
+    EXPECT_GT(2 * best.inliers, resident.candidates.front().inliers);
     EXPECT_EQ(desk->index()->find(map->id())->snapshot, map->newest().snapshot);
   };
   expect_found();
   desk->remove(map->id());
   EXPECT_FALSE(has_place(ask().verdict));
-  map->rest();
+  map->evict();
   map->restart();  // and indexed from what the file says
   EXPECT_EQ(map->without_images(), 4U);
   report();
@@ -112,16 +112,16 @@ TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
   questions.stop();
 }
 
-TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
+TEST_F(IdleMapTest, OnlyWhatIsDoneKeptAndIndexedIsEvicted) {
   const auto map = start_map();
-  map->rest();
+  map->evict();
   grow(map.get(), 5);
   map->flush();
   const Epoch epoch = map->newest().snapshot->epoch;
-  map->runner().rest({epoch, Revision{1}});
+  map->runner().evict_images({epoch, Revision{1}});
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "what it is now has not been indexed";
-  map->runner().rest({Epoch{epoch.value + 1}, map->newest().snapshot->revision});
+  map->runner().evict_images({Epoch{epoch.value + 1}, map->newest().snapshot->revision});
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "what has the same number in another epoch is not this";
 
@@ -129,7 +129,7 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   {
     const auto blocked = block_urgent_executor();
     map->runner().rename("bench", [](const Status&) {});
-    map->runner().rest({epoch, next});
+    map->runner().evict_images({epoch, next});
   }
   map->settle();
   EXPECT_EQ(map->newest().snapshot->revision, next);
@@ -139,39 +139,39 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   {
     const auto blocked = block_urgent_executor();
     offered = map->send(frame(*map, 8), false);
-    map->runner().rest({epoch, Revision{next.value + 1}});
+    map->runner().evict_images({epoch, Revision{next.value + 1}});
   }
   EXPECT_EQ(value_of(std::move(offered)).decision, wire::OfferDecision::kAccepted);
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "there is work to do";
 }
 
-TEST_F(MapRestingTest, NothingIsLetGoBeforeTheWriterHasComeToIt) {
+TEST_F(IdleMapTest, NothingIsEvictedBeforeTheWriterHasComeToIt) {
   const auto map = start_map();
   map->flush();
   const auto writer = map->block_writer();
-  map->ask_to_rest();
+  map->ask_to_evict();
   map->settle_queue();
   EXPECT_EQ(map->without_images(), 0U);
   writer->release();
-  map->rest();
+  map->evict();
 }
 
-TEST_F(MapRestingTest, WhatComesBetweenTheTwoLooksPutsItOff) {
+TEST_F(IdleMapTest, WhatComesBetweenTheTwoLooksPutsItOff) {
   const auto map = start_map();
   map->flush();
   const auto writer = map->block_writer();
-  map->ask_to_rest();
+  map->ask_to_evict();
   EXPECT_EQ(map->offer(frame(*map, testing::kSecondStep)).decision, wire::OfferDecision::kTooClose);
   map->flush();  // a decision that may or may not be kept
   writer->release();
   map->settle();
   EXPECT_EQ(map->without_images(), 0U);
-  map->rest();
+  map->evict();
 }
 
 /// An accepted keyframe's images may be in no file yet, for all that has been handed in.
-class FailingWriterTest : public MapRestingTest {
+class FailingWriterTest : public IdleMapTest {
  protected:
   /// A map whose writer is blocked, with a keyframe handed to it that cannot be written.
   void hand_in_in_vain() {
@@ -189,7 +189,7 @@ class FailingWriterTest : public MapRestingTest {
     EXPECT_EQ(map_->without_images(), 0U);
     EXPECT_EQ(map_->frozen(), "");
     map_->damage("ALTER TABLE gone RENAME TO images");
-    map_->rest();
+    map_->evict();
     const MapSnapshotPtr before = map_->newest().snapshot;
     map_->restart();
     EXPECT_EQ(map_->newest().statistics.keyframes, 3U);
@@ -203,9 +203,9 @@ class FailingWriterTest : public MapRestingTest {
   std::future<OfferJudgement> offered_;
 };
 
-TEST_F(FailingWriterTest, WhatCouldNotBeKeptIsNotLetGo) {
+TEST_F(FailingWriterTest, WhatCouldNotBeKeptIsNotEvicted) {
   hand_in_in_vain();
-  map_->ask_to_rest();
+  map_->ask_to_evict();
   map_->settle_queue();
   writer_->release();
   EXPECT_EQ(value_of(std::move(offered_)).decision, wire::OfferDecision::kFull);
@@ -217,7 +217,7 @@ TEST_F(FailingWriterTest, NorIsWhatIsHandedInAgainAndMayFailAgain) {
   hand_in_in_vain();
   // Between the failure and the second look: all is handed in once more.
   map_->store().run([this](Store&) { map_->runner().flush([](const Status&) {}); });
-  map_->ask_to_rest();
+  map_->ask_to_evict();
   map_->settle_queue();
   writer_->release();
   EXPECT_EQ(value_of(std::move(offered_)).decision, wire::OfferDecision::kFull);

@@ -20,7 +20,7 @@
 #include "server/store/kept_map_fixture.h"
 #include "server/store/rows.h"
 
-/// Tests only: a map at work that is kept in a store, and may rest.
+/// Tests only: a map at work that is kept in a store, and whose images may be evicted.
 namespace cairn::testing {
 
 inline constexpr std::chrono::seconds kDeadline{60};
@@ -107,9 +107,9 @@ class KeptMap {
     const std::scoped_lock lock(mutex_);
     return frozen_;
   }
-  /// Called whenever images have been let go or are back.
-  void on_rested(std::function<void()> listener) {
-    set([&] { on_rested_ = std::move(listener); });
+  /// Called whenever images have been evicted or paged in.
+  void on_paged(std::function<void()> listener) {
+    set([&] { on_paged_ = std::move(listener); });
   }
 
   Result<SeedResult> start(const SeedInput& input) {
@@ -165,15 +165,15 @@ class KeptMap {
   [[nodiscard]] std::unique_ptr<Blocker> block_writer() {
     return std::make_unique<Blocker>([this](auto task) { store_->run([task](Store&) { task(); }); });
   }
-  void ask_to_rest() { runner_->rest({newest().snapshot->epoch, newest().snapshot->revision}); }
-  /// All kept, and then all images let go. Asked again, as a server asks: a save whose time comes between the
-  /// two looks is a reason to wait.
-  void rest() {
+  void ask_to_evict() { runner_->evict_images({newest().snapshot->epoch, newest().snapshot->revision}); }
+  /// All kept, and then all images evicted. Asked again, as a server asks: a save whose time comes between
+  /// the two looks is a reason to wait.
+  void evict() {
     const auto is_done = [this] { return without_images() == newest().statistics.keyframes; };
     const auto deadline = std::chrono::steady_clock::now() + kDeadline;
     do {
       flush();
-      ask_to_rest();
+      ask_to_evict();
       settle();
     } while (!is_done() && std::chrono::steady_clock::now() < deadline);
     EXPECT_TRUE(is_done()) << without_images() << " of " << newest().statistics.keyframes;
@@ -210,7 +210,8 @@ class KeptMap {
     runner_->save_last_changes();
     store_.reset();
     store_ = std::move(*MapPersistence::start(folder_, store_threads(null_logger()), null_logger()));
-    std::vector<RestoredMap> restored = store_->opening().restore({}, on_threads(1), RestoredImages::kLetGo);
+    std::vector<RestoredMap> restored =
+        store_->opening().restore({}, on_threads(1), RestoredImages::kEvicted);
     ASSERT_EQ(restored.size(), 1U);
     make_runner();
     MapRevision first = runner_->resume(std::move(restored[0]));
@@ -249,7 +250,7 @@ class KeptMap {
                               std::function<void()> listener;
                               set([&] {
                                 newest_.statistics = now;
-                                listener = on_rested_;
+                                listener = on_paged_;
                               });
                               if (listener) listener();
                             }},
@@ -278,14 +279,14 @@ class KeptMap {
   mutable std::mutex mutex_;
   MapRevision newest_;
   std::string frozen_;
-  std::function<void()> on_rested_;
+  std::function<void()> on_paged_;
   StorePtr store_;
   std::shared_ptr<MapRunner> runner_;
 };
 
-class MapRestingTest : public testing::KeptMapFixture {
+class IdleMapTest : public testing::KeptMapFixture {
  protected:
-  ~MapRestingTest() override {
+  ~IdleMapTest() override {
     urgent_.stop();
     background_.stop();
   }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images of a map that has rested are read back: beside other work, in turns, and what is lost is said.
+// Images of an idle map are paged in: beside other work, in turns, and what is lost is said.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/service/resting_map_fixture.h"
+#include "server/service/idle_map_fixture.h"
 
 namespace cairn {
 namespace {
@@ -11,28 +11,28 @@ namespace {
 using ::testing::HasSubstr;
 using namespace cairn::testing;
 
-using ReadingBackTest = MapRestingTest;
+using PageInTest = IdleMapTest;
 
-TEST_F(ReadingBackTest, ReadingBackHoldsUpNoOtherMap) {
-  const auto resting = start_map("resting");
+TEST_F(PageInTest, ReadingBackHoldsUpNoOtherMap) {
+  const auto idle = start_map("idle");
   const auto other = start_map("other");
-  resting->rest();
-  const auto slow_disk = resting->block_writer();
-  auto waiting = resting->send(frame(*resting, 5));
+  idle->evict();
+  const auto slow_disk = idle->block_writer();
+  auto waiting = idle->send(frame(*idle, 5));
   for (const int step : {5, 8}) grow(other.get(), step);  // by the only worker
   EXPECT_EQ(waiting.wait_for(std::chrono::seconds(0)), std::future_status::timeout);
   slow_disk->release();
   EXPECT_EQ(value_of(std::move(waiting)).decision, wire::OfferDecision::kAccepted);
-  EXPECT_EQ(resting->without_images(), 0U);
+  EXPECT_EQ(idle->without_images(), 0U);
 }
 
 /// Rows of which two fill a turn of the writer.
-class LargeImagesTest : public MapRestingTest {
+class LargeImagesTest : public IdleMapTest {
  protected:
   [[nodiscard]] std::unique_ptr<KeptMap> start_large_map() {
     auto map = start_map();
     for (const int step : {5, 8}) grow(map.get(), step);
-    map->rest();
+    map->evict();
     map->inflate_images(MapPersistence::kReadPerTurn / 2);
     return map;
   }
@@ -60,29 +60,29 @@ TEST_F(LargeImagesTest, AllComeBackInSeveralTurns) {
   EXPECT_EQ(map->newest().statistics.keyframes, 5U);
 }
 
-TEST_F(ReadingBackTest, ImagesCountBeforeTheyAreRead) {
+TEST_F(PageInTest, ImagesCountBeforeTheyAreRead) {
   const auto map = start_map();
   grow(map.get(), 5);
-  const MapStatistics awake = map->newest().statistics;
-  EXPECT_EQ(awake.bytes_let_go, 0U);
-  map->rest();
-  const MapStatistics at_rest = map->newest().statistics;
-  const size_t images = awake.bytes - at_rest.bytes;
-  EXPECT_GT(2 * at_rest.bytes_let_go, images);
-  EXPECT_LT(at_rest.bytes_let_go, 2 * images);
+  const MapStatistics resident = map->newest().statistics;
+  EXPECT_EQ(resident.evicted_bytes, 0U);
+  map->evict();
+  const MapStatistics evicted = map->newest().statistics;
+  const size_t images = resident.bytes - evicted.bytes;
+  EXPECT_GT(2 * evicted.evicted_bytes, images);
+  EXPECT_LT(evicted.evicted_bytes, 2 * images);
 
   const auto slow_disk = map->block_writer();
   const auto waiting = map->send(frame(*map, 8), false);
   map->settle_queue();
-  const MapStatistics waking = map->newest().statistics;
-  EXPECT_EQ(waking.without_images, 3U);
-  EXPECT_EQ(waking.bytes_let_go, 0U);
-  EXPECT_GT(waking.bytes, at_rest.bytes + at_rest.bytes_let_go);
+  const MapStatistics paging = map->newest().statistics;
+  EXPECT_EQ(paging.without_images, 3U);
+  EXPECT_EQ(paging.evicted_bytes, 0U);
+  EXPECT_GT(paging.bytes, evicted.bytes + evicted.evicted_bytes);
 }
 
-TEST_F(ReadingBackTest, AJobWhoseAnswerFailsTakesNobodyWithIt) {
+TEST_F(PageInTest, AJobWhoseAnswerFailsTakesNobodyWithIt) {
   const auto map = start_map();
-  map->rest();
+  map->evict();
   const auto slow_disk = map->block_writer();
   const auto said = std::make_shared<std::promise<void>>();
   map->runner().offer(map->job(frame(*map, 5)), [said](const OfferJudgement&) {
@@ -97,10 +97,10 @@ TEST_F(ReadingBackTest, AJobWhoseAnswerFailsTakesNobodyWithIt) {
   grow(map.get(), 11);
 }
 
-TEST_F(ReadingBackTest, ADiskThatDoesNotAnswerIsAskedAgain) {
-  const auto awake = start_map("awake");
+TEST_F(PageInTest, ADiskThatDoesNotAnswerIsAskedAgain) {
+  const auto resident = start_map("resident");
   const auto map = start_map();
-  map->rest();
+  map->evict();
   map->restart();  // its file is not open
   const std::filesystem::path aside = folder_ / "aside";
   std::filesystem::rename(map->file(), aside);
@@ -113,15 +113,15 @@ TEST_F(ReadingBackTest, ADiskThatDoesNotAnswerIsAskedAgain) {
   std::filesystem::rename(aside, map->file());
   EXPECT_EQ(value_of(std::move(waiting)).decision, wire::OfferDecision::kAccepted);
   EXPECT_EQ(map->without_images(), 0U);
-  grow(awake.get(), 5);
-  EXPECT_TRUE(testing::bytes_of(*awake->newest().snapshot) == testing::bytes_of(*map->newest().snapshot));
+  grow(resident.get(), 5);
+  EXPECT_TRUE(testing::bytes_of(*resident->newest().snapshot) == testing::bytes_of(*map->newest().snapshot));
 }
 
-TEST_F(ReadingBackTest, ShortageOfMemoryIsWaitedFor) {
+TEST_F(PageInTest, ShortageOfMemoryIsWaitedFor) {
   const auto map = start_map();
-  map->rest();
-  map->on_rested([&] {
-    map->on_rested({});
+  map->evict();
+  map->on_paged([&] {
+    map->on_paged({});
     throw std::bad_alloc();
   });
   grow(map.get(), 5);
@@ -135,9 +135,9 @@ void expect_deleted(std::future<OfferJudgement> waiting) {
   EXPECT_THAT(judged.reason, HasSubstr("deleted"));
 }
 
-TEST_F(ReadingBackTest, AMapThatIsDeletedBeforeItsImagesAreReadAnswers) {
+TEST_F(PageInTest, AMapThatIsDeletedBeforeItsImagesAreReadAnswers) {
   const auto map = start_map();
-  map->rest();
+  map->evict();
   const auto writer = map->block_writer();
   map->store().run([id = map->id()](Store& store) { EXPECT_TRUE(store.remove(id)); });
   auto waiting = map->send(frame(*map, 5));
@@ -150,9 +150,9 @@ TEST_F(ReadingBackTest, AMapThatIsDeletedBeforeItsImagesAreReadAnswers) {
   EXPECT_FALSE(std::filesystem::exists(map->file()));
 }
 
-TEST_F(ReadingBackTest, AMapThatIsDeletedWhileItsImagesComeBackAnswers) {
+TEST_F(PageInTest, AMapThatIsDeletedWhileItsImagesComeBackAnswers) {
   const auto map = start_map();
-  map->rest();
+  map->evict();
   auto writer = map->block_writer();
   auto waiting = map->send(frame(*map, 5));
   map->settle_queue();
@@ -169,10 +169,10 @@ TEST_F(ReadingBackTest, AMapThatIsDeletedWhileItsImagesComeBackAnswers) {
   EXPECT_FALSE(std::filesystem::exists(map->file()));
 }
 
-TEST_F(ReadingBackTest, AMapThatIsDeletedWhileItsDiskDoesNotAnswerAnswers) {
+TEST_F(PageInTest, AMapThatIsDeletedWhileItsDiskDoesNotAnswerAnswers) {
   const auto map = start_map();
-  map->rest();
-  map->on_rested([] { throw std::bad_alloc(); });
+  map->evict();
+  map->on_paged([] { throw std::bad_alloc(); });
   auto waiting = map->send(frame(*map, 5));
   for (int i = 0; i < 3; ++i) map->settle();
   const auto writer = map->block_writer();  // it asks for no second try
@@ -186,12 +186,12 @@ struct Loss {
   const char* said;
 };
 
-class LostImageTest : public MapRestingTest, public ::testing::WithParamInterface<Loss> {};
+class LostImageTest : public IdleMapTest, public ::testing::WithParamInterface<Loss> {};
 
 TEST_P(LostImageTest, FreezesTheMapAsItWasPublished) {
   const auto map = start_map();
   grow(map.get(), 5);
-  map->rest();
+  map->evict();
   const MapSnapshotPtr before = map->newest().snapshot;
   map->damage(GetParam().sql);
   for (const int step : {8, 11}) {

@@ -6,7 +6,7 @@
 #include "server/service/map_runner.h"
 #include "server/store/row_codec.h"
 
-/// A map at rest: its images, most of its memory, are in the store only.
+/// An idle map: its images, most of its memory, are in the store only.
 namespace cairn {
 namespace {
 
@@ -20,22 +20,22 @@ bool is_for_good(const Error& error) {
 
 }  // namespace
 
-void MapRunner::rest(std::pair<Epoch, Revision> indexed) {
+void MapRunner::evict_images(std::pair<Epoch, Revision> indexed) {
   queue_.post([self = shared_from_this(), indexed] {
-    if (!self->may_rest(indexed)) return;
+    if (!self->may_evict(indexed)) return;
     // When the writer comes to this, all that was handed to it before is kept, or known not to be. Of what
     // comes between the two looks that is not known.
     self->store_->run([self, indexed, before = self->changes_](Store&) {
       self->queue_.post([self, indexed, before] {
-        if (self->changes_ != before || !self->may_rest(indexed)) return;
-        self->maker_->let_images_go();
-        self->listener_.rested(self->maker_->statistics());
+        if (self->changes_ != before || !self->may_evict(indexed)) return;
+        self->maker_->evict_images();
+        self->listener_.paged(self->maker_->statistics());
       });
     });
   });
 }
 
-bool MapRunner::may_rest(const std::pair<Epoch, Revision>& indexed) const {
+bool MapRunner::may_evict(const std::pair<Epoch, Revision>& indexed) const {
   const bool is_well = store_ != nullptr && maker_ != nullptr && !stopping_ && !frozen_;
   if (!is_well || published_ == nullptr) return false;
   if (std::pair(published_->epoch, published_->revision) != indexed) return false;
@@ -47,7 +47,7 @@ bool MapRunner::needs_images() const {
   return !stopping_ && !frozen_ && maker_->has_work() && maker_->lacks_any_images();
 }
 
-void MapRunner::read_images_back(std::function<void()> then) {
+void MapRunner::page_in(std::function<void()> then) {
   auto waiting = awaiting_images_.lock();
   const bool is_under_way = waiting != nullptr;
   if (!is_under_way) waiting = std::make_shared<Continuations::element_type>();
@@ -91,7 +91,7 @@ bool MapRunner::try_later(const Continuations& waiting, const std::string& why) 
 bool MapRunner::read_next_images(const Continuations& waiting) {
   std::vector<KeyframeId> lacking = maker_->lacking_images();
   if (lacking.empty()) {
-    listener_.rested(maker_->statistics());
+    listener_.paged(maker_->statistics());
     return false;
   }
   const auto rows = std::make_shared<ImageRows>();
@@ -99,14 +99,14 @@ bool MapRunner::read_next_images(const Continuations& waiting) {
                       [self = shared_from_this(), rows, waiting](ImageRows read) {
                         *rows = std::move(read);
                         self->queue_.post([self, rows, waiting] {
-                          self->read_on(waiting, [&] { return self->give_images_back(rows, 0, waiting); });
+                          self->read_on(waiting, [&] { return self->page_in_images(rows, 0, waiting); });
                         });
                       });
   return true;
 }
 
-bool MapRunner::give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
-                                 const Continuations& waiting) {
+bool MapRunner::page_in_images(const std::shared_ptr<const ImageRows>& rows, size_t next,
+                               const Continuations& waiting) {
   if (!*rows) {
     const Error& error = rows->error();
     if (!is_for_good(error)) return try_later(waiting, error.message);
@@ -117,7 +117,7 @@ bool MapRunner::give_images_back(const std::shared_ptr<const ImageRows>& rows, s
   while (next < (*rows)->size()) {
     const ImageRow& row = (**rows)[next++];
     const GrayImagePtr image = decode_image_row(row.data);
-    if (image == nullptr || !maker_->give_image_back(row.keyframe, image->view())) {
+    if (image == nullptr || !maker_->page_in_image(row.keyframe, image->view())) {
       freeze(kUnreadable + ("that of keyframe " + std::to_string(row.keyframe.value)) +
              " is not one of its camera's");
       return false;
@@ -126,7 +126,7 @@ bool MapRunner::give_images_back(const std::shared_ptr<const ImageRows>& rows, s
   }
   if (next == (*rows)->size()) return read_next_images(waiting);
   queue_.post([self = shared_from_this(), rows, next, waiting] {
-    self->read_on(waiting, [&] { return self->give_images_back(rows, next, waiting); });
+    self->read_on(waiting, [&] { return self->page_in_images(rows, next, waiting); });
   });
   return true;
 }
