@@ -24,8 +24,8 @@ class TrackerAdapter final : public TrackingEngine {
   void add_encoders(std::span<const EncoderSample> samples) override { tracker_.add_encoders(samples); }
   void seed_accepted(const SeedAnswer& answer) override { tracker_.seed_accepted(answer); }
   void seed_refused(const std::string& reason) override { tracker_.seed_refused(reason); }
-  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
-    return tracker_.place_answered(suggestion);
+  PlaceUse relocalization_answered(const std::optional<PoseHypothesis>& hypothesis) override {
+    return tracker_.relocalization_answered(hypothesis);
   }
   void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) override {
     tracker_.keyframe_answered(number, keyframe);
@@ -60,7 +60,9 @@ class SessionAdapter final : public MapLink {
   }
   std::optional<SeedReply> take_seed_reply() override { return session_.take_seed_reply(); }
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
-  std::optional<PlaceAnswer> take_place_answer() override { return session_.take_place_answer(); }
+  std::optional<RelocalizationAnswer> take_relocalization_answer() override {
+    return session_.take_relocalization_answer();
+  }
   LabelListPtr labels(MapId map) const override { return session_.labels(map); }
   std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot) override {
     return session_.take_camera(snapshot);

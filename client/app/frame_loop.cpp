@@ -23,10 +23,10 @@ FrameState frame_state(const FrameResult& result) {
 }
 
 /// The best place that is worth trying.
-std::optional<PlaceCandidate> best_place(const PlaceAnswer& answer) {
+std::optional<PlaceCandidate> best_place(const RelocalizationAnswer& answer) {
   if (!has_place(answer.verdict)) return std::nullopt;
   for (const PlaceCandidate& c : answer.candidates) {
-    if (c.confirmed || answer.verdict == PlaceVerdict::kUnconfirmed) return c;
+    if (c.confirmed || answer.verdict == RelocalizationVerdict::kUnconfirmed) return c;
   }
   return std::nullopt;
 }
@@ -152,7 +152,7 @@ void FrameLoop::deliver_replies() {
     }
     notify(&FrameObserver::on_seed_reply, *reply);
   }
-  if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
+  if (const auto answer = link_.take_relocalization_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
   for (const OfferReply& reply : replies) {
     if (proposed_ && proposed_->number == reply.number) proposed_->is_decided = true;
@@ -169,21 +169,21 @@ void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
   notify(&FrameObserver::on_camera, *update);
 }
 
-void FrameLoop::deliver_place(const PlaceAnswer& answer) {
+void FrameLoop::deliver_place(const RelocalizationAnswer& answer) {
   const bool tried = try_place(answer);
-  notify(&FrameObserver::on_place_answer, PlaceReport{frames_seen_, asked_, answer, tried});
+  notify(&FrameObserver::on_relocalization_answer, PlaceReport{frames_seen_, asked_, answer, tried});
 }
 
-bool FrameLoop::try_place(const PlaceAnswer& answer) {
-  if (answer.verdict == PlaceVerdict::kNotThere) {
+bool FrameLoop::try_place(const RelocalizationAnswer& answer) {
+  if (answer.verdict == RelocalizationVerdict::kNotThere) {
     tracker_.place_left_open();
     return false;
   }
   const auto place = best_place(answer);
-  const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
+  const auto hypothesis = place ? std::optional(PoseHypothesis{place->map, place->epoch, place->keyframe,
                                                                place->camera_from_keyframe, place->confirmed})
                                 : std::nullopt;
-  const PlaceUse use = tracker_.place_answered(suggestion);
+  const PlaceUse use = tracker_.relocalization_answered(hypothesis);
   if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kToVerify);
   if (use != PlaceUse::kToVerify) return false;
   link_.use_map(place->map, place->epoch, place->revision);

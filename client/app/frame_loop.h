@@ -55,9 +55,9 @@ class FrameLoop {
   void handle(const DroppedFrame& dropped);
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
-  void deliver_place(const PlaceAnswer& answer);
+  void deliver_place(const RelocalizationAnswer& answer);
   /// Whether the tracker will.
-  [[nodiscard]] bool try_place(const PlaceAnswer& answer);
+  [[nodiscard]] bool try_place(const RelocalizationAnswer& answer);
   void add_samples(Timestamp time);
   void settle_verification(const FrameResult& result);
   /// Whether the tracker should offer keyframes of this map now.
@@ -98,7 +98,7 @@ class FrameLoop {
   };
   std::optional<Proposed> proposed_;  ///< the last keyframe that is to be kept aside
   LostWatch lost_;
-  /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
+  /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a hypothesis that
   /// did not hold costs a start no patience.
   bool has_tracked_ = false;
   Timestamp asked_;      ///< of the frame of the latest query

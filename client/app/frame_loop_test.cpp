@@ -69,7 +69,7 @@ class Notes final : public FrameObserver {
     for (const auto& reply : replies)
       words.emplace_back(reply.accepted ? "accepted" : "refused: " + reply.reason);
   }
-  void on_place_answer(const PlaceReport& report) override {
+  void on_relocalization_answer(const PlaceReport& report) override {
     answers.push_back(fmt::format("{} ms: {}{}", (report.asked - Timestamp()).count() / 1'000'000,
                                   to_string(report.answer.verdict), report.tried ? ", tried" : ""));
   }
@@ -177,13 +177,13 @@ void asking(FrameResult& result) {
   result.reloc_query = std::make_shared<const PlaceView>();
 }
 
-PlaceAnswer place_in(MapId map, PlaceVerdict verdict) {
-  PlaceAnswer answer;
+RelocalizationAnswer place_in(MapId map, RelocalizationVerdict verdict) {
+  RelocalizationAnswer answer;
   answer.verdict = verdict;
   answer.candidates.resize(1);
   answer.candidates[0].map = map;
   answer.candidates[0].revision = Revision{5};
-  answer.candidates[0].confirmed = verdict == PlaceVerdict::kConfirmed;
+  answer.candidates[0].confirmed = verdict == RelocalizationVerdict::kConfirmed;
   return answer;
 }
 
@@ -202,23 +202,23 @@ TEST(FrameLoop, QueriesAreSentAndOnlyLockstepWaitsForTheAnswer) {
 
 TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
   struct Case {
-    PlaceVerdict verdict;
+    RelocalizationVerdict verdict;
     PlaceUse use;
     std::string word;
     std::vector<std::string> sent;
   };
   const std::vector<Case> cases = {
-      {PlaceVerdict::kConfirmed, PlaceUse::kToVerify, "try a place", {"use 7 at 5"}},
-      {PlaceVerdict::kUnconfirmed, PlaceUse::kToVerify, "try a place, unconfirmed", {"use 7 at 5"}},
-      {PlaceVerdict::kConfirmed, PlaceUse::kNotNeeded, "try a place", {}},
-      {PlaceVerdict::kConfirmed, PlaceUse::kNotKnown, "try a place", {}},
-      {PlaceVerdict::kNotKnown, PlaceUse::kToVerify, "place not known", {}},
-      {PlaceVerdict::kNotThere, PlaceUse::kToVerify, "left open", {}},
+      {RelocalizationVerdict::kConfirmed, PlaceUse::kToVerify, "try a place", {"use 7 at 5"}},
+      {RelocalizationVerdict::kUnconfirmed, PlaceUse::kToVerify, "try a place, unconfirmed", {"use 7 at 5"}},
+      {RelocalizationVerdict::kConfirmed, PlaceUse::kNotNeeded, "try a place", {}},
+      {RelocalizationVerdict::kConfirmed, PlaceUse::kNotKnown, "try a place", {}},
+      {RelocalizationVerdict::kNotKnown, PlaceUse::kToVerify, "place not known", {}},
+      {RelocalizationVerdict::kNotThere, PlaceUse::kToVerify, "left open", {}},
   };
   for (const Case& c : cases) {
     Rig rig({starting, starting});
     rig.tracker.use_of_places = c.use;
-    rig.link.place_answer = place_in(MapId{{7}}, c.verdict);
+    rig.link.relocalization_answer = place_in(MapId{{7}}, c.verdict);
     ASSERT_TRUE(rig.run());
     EXPECT_THAT(rig.tracker.words, ElementsAre(c.word));
     EXPECT_EQ(rig.link.sent, c.sent);
@@ -228,7 +228,9 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
 TEST(FrameLoop, InLockstepTheNextFrameWaitsForTheReplicaOfThePlace) {
   Rig rig({asking, lost});
   rig.options.pace = Pace::kLockstep;
-  rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
+  rig.link.on_settled = [&rig] {
+    rig.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kConfirmed);
+  };
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.link.sent, ElementsAre("query", "settle", "use 7 at 5", "settle"));
 }
@@ -237,9 +239,11 @@ TEST(FrameLoop, AnAnswerIsReportedWithTheFrameThatWasAskedAbout) {
   Rig rig({lost, asking, lost, asking, lost});
   rig.options.pace = Pace::kLockstep;
   rig.link.on_settled = [&rig] {
-    rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kUnconfirmed);
+    rig.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kUnconfirmed);
     rig.link.on_settled = [&rig] {  // of the replica
-      rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kNotThere); };
+      rig.link.on_settled = [&rig] {
+        rig.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kNotThere);
+      };
     };
   };
   ASSERT_TRUE(rig.run());
@@ -248,12 +252,12 @@ TEST(FrameLoop, AnAnswerIsReportedWithTheFrameThatWasAskedAbout) {
 
 TEST(FrameLoop, ATrackerThatFindsBackByItselfStaysInItsMap) {
   Rig rig({lost, lost, tracking, tracking});
-  rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed);
+  rig.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kConfirmed);
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.link.sent, ElementsAre("use 7 at 5", "use 1 at 0"));
 
   Rig verified({lost, lost, tracking, tracking});
-  verified.link.place_answer = place_in(kMap, PlaceVerdict::kConfirmed);
+  verified.link.relocalization_answer = place_in(kMap, RelocalizationVerdict::kConfirmed);
   ASSERT_TRUE(verified.run());
   EXPECT_THAT(verified.link.sent, ElementsAre("use 1 at 5"));
 }
@@ -274,12 +278,14 @@ TEST(FrameLoop, AMapWhosePlaceDoesNotHoldIsLeftForTheOneLastTrackedIn) {
     script.emplace_back(lost);
     Rig rig(script);
     rig.options.pace = Pace::kLockstep;
-    rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
+    rig.link.on_settled = [&rig] {
+      rig.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kConfirmed);
+    };
     ASSERT_TRUE(rig.run());
     EXPECT_THAT(rig.link.sent, ElementsAre("query", "settle", "use 7 at 5", "settle", "use 1 at 0"));
   }
   Rig never_tracked({lost, rejected, lost});
-  never_tracked.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed);
+  never_tracked.link.relocalization_answer = place_in(MapId{{7}}, RelocalizationVerdict::kConfirmed);
   ASSERT_TRUE(never_tracked.run());
   EXPECT_THAT(never_tracked.link.sent, ElementsAre("use 7 at 5"));
 }
@@ -418,7 +424,7 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   script[3] = tracking;  // the wait begins anew
   for (const bool makes_maps : {true, false}) {
     Rig rig(script, regular_frames(8, 500));
-    rig.link.always_answer = PlaceAnswer{};
+    rig.link.always_answer = RelocalizationAnswer{};
     rig.options.make_maps = makes_maps;
     rig.options.lost_patience = std::chrono::milliseconds(1500);
     ASSERT_TRUE(rig.run());
@@ -431,9 +437,9 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   }
 }
 
-TEST(FrameLoop, ABuilderNotYetTrackedAnywhereGoesOnStartingWhenASuggestionDoesNotHold) {
+TEST(FrameLoop, ABuilderNotYetTrackedAnywhereGoesOnStartingWhenAHypothesisDoesNotHold) {
   Rig rig({starting, lost, lost, starting});
-  rig.link.always_answer = PlaceAnswer{};
+  rig.link.always_answer = RelocalizationAnswer{};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
 }
@@ -442,7 +448,7 @@ TEST(FrameLoop, APlaceThatIsNotNeededIsNoWordOfAPlaceNotKnown) {
   for (const PlaceUse use : {PlaceUse::kNotNeeded, PlaceUse::kNotKnown}) {
     Rig rig({starting, lost, lost, starting});
     rig.tracker.use_of_places = use;
-    rig.link.always_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed);
+    rig.link.always_answer = place_in(MapId{{7}}, RelocalizationVerdict::kConfirmed);
     ASSERT_TRUE(rig.run());
     EXPECT_THAT(rig.tracker.words,
                 ::testing::Contains("start over").Times(use == PlaceUse::kNotKnown ? 1 : 0));
@@ -453,7 +459,7 @@ TEST(FrameLoop, WhereAPlaceIsLeftOpenALostBuilderBeginsNoMap) {
   std::vector<ScriptedTracker::Step> script(8, lost);
   script[0] = tracking;
   Rig rig(script, regular_frames(8, 500));
-  rig.link.always_answer = place_in(MapId{{7}}, PlaceVerdict::kNotThere);
+  rig.link.always_answer = place_in(MapId{{7}}, RelocalizationVerdict::kNotThere);
   rig.options.lost_patience = std::chrono::milliseconds(1500);
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, AllOf(Not(IsEmpty()), Each("left open")));
@@ -465,7 +471,7 @@ TEST(FrameLoop, WithoutAFreshAnswerALostBuilderBeginsNoMap) {
   script[0] = tracking;
   Rig rig(script, regular_frames(20, 500));
   rig.options.lost_patience = std::chrono::milliseconds(1500);
-  rig.link.place_answer = PlaceAnswer{};  // once
+  rig.link.relocalization_answer = RelocalizationAnswer{};  // once
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ElementsAre("place not known"));
 }
@@ -474,7 +480,7 @@ TEST(FrameLoop, ACutInTheRecordingIsNotALongLoss) {
   auto items = regular_frames(2, 30);
   items.emplace_back(make_frame(2, at_ms(100'000)));
   Rig rig({tracking, lost, lost}, std::move(items));
-  rig.link.always_answer = PlaceAnswer{};
+  rig.link.always_answer = RelocalizationAnswer{};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, AllOf(Not(IsEmpty()), Each("place not known")));
 }

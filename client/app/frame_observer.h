@@ -60,7 +60,7 @@ struct StartOverReport {
 struct PlaceReport {
   size_t number = 0;  ///< of the next frame
   Timestamp asked;    ///< of the frame of the latest query, to which this is the answer
-  const PlaceAnswer& answer;
+  const RelocalizationAnswer& answer;
   bool tried = false;  ///< its place will be, in the next frame that comes with the map
 };
 
@@ -74,7 +74,7 @@ class FrameObserver {
   virtual void on_seed_reply(const SeedReply&) {}
   /// Those that came since the frame before, at least one.
   virtual void on_offer_replies(const std::vector<OfferReply>&) {}
-  virtual void on_place_answer(const PlaceReport&) {}
+  virtual void on_relocalization_answer(const PlaceReport&) {}
   /// The link to the server is in another state, or its words have changed.
   virtual void on_status(const SessionStatus&) {}
   /// Other values of the camera, with which this frame and those that follow are tracked.

@@ -24,7 +24,7 @@ class TrackingEngine {
   virtual void add_encoders(std::span<const EncoderSample> samples) = 0;
   virtual void seed_accepted(const SeedAnswer& answer) = 0;
   virtual void seed_refused(const std::string& reason) = 0;
-  [[nodiscard]] virtual PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;
+  [[nodiscard]] virtual PlaceUse relocalization_answered(const std::optional<PoseHypothesis>& hypothesis) = 0;
   virtual void place_left_open() = 0;
   virtual void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) = 0;
   virtual void start_over(NewMap wish) = 0;
@@ -45,7 +45,7 @@ class MapLink {
   virtual void publish_state(const FrameResult& result, Timestamp time) = 0;
   [[nodiscard]] virtual std::optional<SeedReply> take_seed_reply() = 0;
   [[nodiscard]] virtual std::vector<OfferReply> take_offer_replies() = 0;
-  [[nodiscard]] virtual std::optional<PlaceAnswer> take_place_answer() = 0;
+  [[nodiscard]] virtual std::optional<RelocalizationAnswer> take_relocalization_answer() = 0;
   [[nodiscard]] virtual LabelListPtr labels(MapId map) const = 0;
   [[nodiscard]] virtual std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot) = 0;
   [[nodiscard]] virtual SessionStatus status() const = 0;

@@ -59,7 +59,7 @@ void RigPilot::follow(const FrameReport& report) {
   }
 }
 
-void RigPilot::on_place_answer(const PlaceReport& report) {
+void RigPilot::on_relocalization_answer(const PlaceReport& report) {
   if (!report.tried) return;
   with_([&report](RigCommander& commander) { commander.try_place(report.asked); });
 }

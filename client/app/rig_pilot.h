@@ -28,7 +28,7 @@ class RigPilot final : public FrameObserver {
       : camera_(std::move(camera)), options_(std::move(options)), with_(std::move(with)) {}
 
   void on_frame(const FrameReport& report) override;
-  void on_place_answer(const PlaceReport& report) override;
+  void on_relocalization_answer(const PlaceReport& report) override;
 
   /// What is fixated, in the map's frame.
   [[nodiscard]] const std::optional<Eigen::Vector3d>& fixated() const { return point_; }

@@ -167,9 +167,9 @@ void RunStats::note_new_points(const MapSnapshot& snapshot, Timestamp now) {
   });
 }
 
-void RunStats::on_place_answer(const PlaceReport& report) {
+void RunStats::on_relocalization_answer(const PlaceReport& report) {
   if (list_ == FrameList::kLeftOut) return;
-  const PlaceAnswer& answer = report.answer;
+  const RelocalizationAnswer& answer = report.answer;
   AnswerRow row{report.asked, answer.verdict, {}, report.tried};
   if (has_place(answer.verdict) && !answer.candidates.empty()) row.map = answer.candidates.front().map;
   answers_.push_back(row);

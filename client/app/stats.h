@@ -67,7 +67,7 @@ class RunStats final : public FrameObserver {
   void on_undecodable(const UndecodableReport& report) override;
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
-  void on_place_answer(const PlaceReport& report) override;
+  void on_relocalization_answer(const PlaceReport& report) override;
 
   /// The JSON of client/app/REFERENCE.md. Percentiles of stages are over tracked frames; those
   /// of starting and lost ones stand beside them. `first_map_frame`, of all frames
@@ -104,7 +104,7 @@ class RunStats final : public FrameObserver {
 
   struct AnswerRow {
     Timestamp asked;
-    PlaceVerdict verdict = PlaceVerdict::kNotKnown;
+    RelocalizationVerdict verdict = RelocalizationVerdict::kNotKnown;
     MapId map;  ///< of the best place; none: no place
     bool tried = false;
   };

@@ -112,14 +112,14 @@ TEST_F(StatsTest, AFrameHasTheContractsFields) {
 }
 
 TEST_F(StatsTest, AnAnswerHasTheFrameThatWasAskedAboutAndItsBestPlace) {
-  PlaceAnswer answer;
-  answer.verdict = PlaceVerdict::kUnconfirmed;
+  RelocalizationAnswer answer;
+  answer.verdict = RelocalizationVerdict::kUnconfirmed;
   answer.candidates.resize(2);
   answer.candidates[0].map = bench_;
   answer.candidates[1].map = desk_;
-  stats_.on_place_answer({3, at_ms(66), answer, true});
-  answer.verdict = PlaceVerdict::kNotKnown;  // these are what was looked at in vain
-  stats_.on_place_answer({5, at_ms(133), answer, false});
+  stats_.on_relocalization_answer({3, at_ms(66), answer, true});
+  answer.verdict = RelocalizationVerdict::kNotKnown;  // these are what was looked at in vain
+  stats_.on_relocalization_answer({5, at_ms(133), answer, false});
   const auto answers = json()["answers"];
   ASSERT_EQ(answers.size(), 2U);
   EXPECT_DOUBLE_EQ(answers[0]["t"], 0.066);
@@ -222,7 +222,8 @@ TEST_F(StatsTest, WithoutTheListsTheFiguresAreTheSame) {
   for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kLost}) {
     add_to_both(state);
   }
-  for (RunStats* stats : {&counts, &stats_}) stats->on_place_answer({1, at_ms(0), PlaceAnswer{}, false});
+  for (RunStats* stats : {&counts, &stats_})
+    stats->on_relocalization_answer({1, at_ms(0), RelocalizationAnswer{}, false});
   auto kept = json();
   auto left_out = nlohmann::json::parse(counts.to_json(1234, 5678));
   EXPECT_EQ(kept["frames"].size(), 3U);

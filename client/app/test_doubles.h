@@ -89,11 +89,11 @@ class ScriptedTracker final : public TrackingEngine {
   void add_encoders(std::span<const EncoderSample> samples) override { encoder_count += samples.size(); }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
-  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
-    words.emplace_back(!suggestion             ? "place not known"
-                       : suggestion->confirmed ? "try a place"
+  PlaceUse relocalization_answered(const std::optional<PoseHypothesis>& hypothesis) override {
+    words.emplace_back(!hypothesis             ? "place not known"
+                       : hypothesis->confirmed ? "try a place"
                                                : "try a place, unconfirmed");
-    return suggestion ? use_of_places : PlaceUse::kNotKnown;
+    return hypothesis ? use_of_places : PlaceUse::kNotKnown;
   }
   void keyframe_answered(uint64_t /*number*/, std::optional<KeyframeId> /*keyframe*/) override {}
   void place_left_open() override { words.emplace_back("left open"); }
@@ -137,9 +137,9 @@ class ScriptedLink final : public MapLink {
   void publish_state(const FrameResult&, Timestamp) override { ++states_published; }
   std::optional<SeedReply> take_seed_reply() override { return std::exchange(seed_reply, std::nullopt); }
   std::vector<OfferReply> take_offer_replies() override { return std::exchange(offer_replies, {}); }
-  std::optional<PlaceAnswer> take_place_answer() override {
+  std::optional<RelocalizationAnswer> take_relocalization_answer() override {
     if (always_answer) return always_answer;
-    return std::exchange(place_answer, std::nullopt);
+    return std::exchange(relocalization_answer, std::nullopt);
   }
   LabelListPtr labels(MapId wanted) const override {
     return map && map->map == wanted ? map_labels : nullptr;
@@ -158,11 +158,11 @@ class ScriptedLink final : public MapLink {
   LabelListPtr map_labels;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
-  std::optional<PlaceAnswer> place_answer;   ///< once
-  std::optional<PlaceAnswer> always_answer;  ///< before every frame
-  std::optional<CameraUpdate> camera;        ///< once
-  std::optional<CameraUpdate> first_camera;  ///< likewise, without a map
-  std::function<void()> on_settled;          ///< once
+  std::optional<RelocalizationAnswer> relocalization_answer;  ///< once
+  std::optional<RelocalizationAnswer> always_answer;          ///< before every frame
+  std::optional<CameraUpdate> camera;                         ///< once
+  std::optional<CameraUpdate> first_camera;                   ///< likewise, without a map
+  std::function<void()> on_settled;                           ///< once
   SessionStatus session_status;
   KeyframeUse use_of_keyframes = KeyframeUse::kKeyframe;
   bool settles = true;

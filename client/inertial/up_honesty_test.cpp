@@ -119,7 +119,7 @@ Honesty measure(const Motion& motion) {
       honesty.error += error * error;
     }
   }
-  std::cout << "known " << honesty.known << " of " << honesty.asked << ", normalised squared error "
+  std::cout << "known " << honesty.known << " of " << honesty.asked << ", normalized squared error "
             << honesty.squared / honesty.known << ", error "
             << std::sqrt(honesty.error / honesty.known) * 180 / M_PI << " degrees, gated " << honesty.gated
             << "\n";

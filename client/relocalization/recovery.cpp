@@ -9,7 +9,7 @@ namespace cairn {
 namespace {
 
 constexpr int kVerificationFrames = 3;  // in a row
-constexpr float kSuggestedQuality =
+constexpr float kHypothesisQuality =
     0.25F;  // for a place that geometry or motion speaks for: it may be poorly mapped
 constexpr double kSamePlace = 0.03;   // [depths] a pose may be off and be right
 constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
@@ -104,7 +104,7 @@ void Recovery::remember(const FrameImages& frame, const MapSnapshot& map, const 
 void Recovery::begin_frame(const MapSnapshot& map, double near_depth, Timestamp time) {
   before_ = std::exchange(now_, time);
   described_.reset();
-  suggested_.reset();
+  hypothesis_pose_.reset();
   keyframes_tried_ = 0;
   out_of_reach_.clear();
   shows_within_reach_ = false;
@@ -126,7 +126,7 @@ std::optional<PoseStart> Recovery::next_start(const FrameImages& frame, const Ma
     const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < KeyframeRounds::kPerFrame;
     if (!is_repeated) source_ = static_cast<Source>(static_cast<int>(source) + 1);
     if (!is_worth_trying(source, time)) continue;
-    if (source == Source::kRejected && suggested_) query_.reject(time);
+    if (source == Source::kRejected && hypothesis_pose_) query_.reject(time);
     const auto start = start_from(source, frame, map, last, mean_depth);
     if (!start) continue;
     if (is_reachable(start->camera_from_map)) return start;
@@ -154,7 +154,7 @@ std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPo
   const bool is_near = is_reachable(found.camera_from_map);
   if (is_near && region_) {
     shows_within_reach_ |= found.points >= kFewestPoints && found.quality >= options_.least_quality;
-    needed.quality = std::min(needed.quality, kSuggestedQuality);
+    needed.quality = std::min(needed.quality, kHypothesisQuality);
     if (!may_be_elsewhere(time) && !was_lost_at_cut()) needed.is_own_guess = false;
   }
   if (found.points < kFewestPoints || found.quality < needed.quality) return std::nullopt;
@@ -170,7 +170,7 @@ std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPo
 bool Recovery::is_worth_trying(Source source, Timestamp time) const {
   switch (source) {
     case Source::kConfirmed:
-    case Source::kSuggested:
+    case Source::kHypothesis:
     case Source::kOutOfReach:
     case Source::kRejected:
       return true;
@@ -203,12 +203,12 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
       return std::nullopt;
     case Source::kConfirmed:
       // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
-      suggested_ = query_.take(frame, *camera_, map);
-      if (!suggested_ || !query_.took_confirmed()) return std::nullopt;
-      return PoseStart{*suggested_, Reach::kNear, kSuggestedQuality, false};
-    case Source::kSuggested:
-      if (!suggested_) return std::nullopt;
-      return PoseStart{*suggested_, Reach::kWide, kSuggestedQuality, false};
+      hypothesis_pose_ = query_.take(frame, *camera_, map);
+      if (!hypothesis_pose_ || !query_.took_confirmed()) return std::nullopt;
+      return PoseStart{*hypothesis_pose_, Reach::kNear, kHypothesisQuality, false};
+    case Source::kHypothesis:
+      if (!hypothesis_pose_) return std::nullopt;
+      return PoseStart{*hypothesis_pose_, Reach::kWide, kHypothesisQuality, false};
     case Source::kCorners:
       return guess(by_corners(frame, map, last, mean_depth), Reach::kNear);
     case Source::kMemory:
@@ -282,7 +282,7 @@ bool Recovery::lacks_answer() const {
 
 /// The map in use is left for another only when it is not in sight, or when the image changed as no hand
 /// can move.
-bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const {
+bool Recovery::wants(const PoseHypothesis& place, std::optional<MapId> map, bool may_enter) const {
   if (is_looking(may_enter)) return true;
   const Tracking* tracking = as<Tracking>();
   const bool failed_at_cut = tracking != nullptr && tracking->failed_at_cut;
@@ -290,21 +290,21 @@ bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool
 }
 
 /// Whether the server knows the camera in another map than the one in which it is verified by its own guess.
-bool Recovery::is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const {
+bool Recovery::is_contradicted_by(const PoseHypothesis& place, std::optional<MapId> map) const {
   const Verifying* verification = as<Verifying>();
   return verification != nullptr && verification->answer_needed_from &&
          query_.is_answered_since(*verification->answer_needed_from) && place.confirmed && place.map != map;
 }
 
-PlaceUse Recovery::answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
+PlaceUse Recovery::answered(const std::optional<PoseHypothesis>& hypothesis, std::optional<MapId> map,
                             bool may_enter) {
-  if (!query_.answered(suggestion)) return PlaceUse::kNotKnown;
-  if (is_contradicted_by(*suggestion, map)) {
+  if (!query_.answered(hypothesis)) return PlaceUse::kNotKnown;
+  if (is_contradicted_by(*hypothesis, map)) {
     state_ = Lost{as<Verifying>()->memories_tried, true};
     query_.contradict();
   }
-  if (wants(*suggestion, map, may_enter)) return PlaceUse::kToVerify;
-  query_.drop_suggestion();
+  if (wants(*hypothesis, map, may_enter)) return PlaceUse::kToVerify;
+  query_.drop_hypothesis();
   return PlaceUse::kNotNeeded;
 }
 

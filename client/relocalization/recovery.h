@@ -14,7 +14,7 @@
 #include "client/relocalization/described_views.h"
 #include "client/relocalization/keyframe_rounds.h"
 #include "client/relocalization/place_memory.h"
-#include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/pose_hypothesis.h"
 #include "client/relocalization/reloc_query_state.h"
 #include "client/relocalization/verified_path.h"
 #include "common/base/time.h"
@@ -175,7 +175,7 @@ class Recovery {
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time, bool may_enter,
                                                      const std::optional<UpDirection>& up = {});
   /// Its answer; `map` in use, if there is one.
-  PlaceUse answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
+  PlaceUse answered(const std::optional<PoseHypothesis>& hypothesis, std::optional<MapId> map,
                     bool may_enter);
   void left_open() { query_.left_open(); }
   [[nodiscard]] const RelocQueryState& query() const { return query_; }
@@ -186,7 +186,7 @@ class Recovery {
     kContinued,
     kTurned,
     kConfirmed,
-    kSuggested,
+    kHypothesis,
     kCorners,
     kMemory,
     kVerified,
@@ -200,8 +200,8 @@ class Recovery {
   [[nodiscard]] bool is_asking(bool may_enter) const;
   [[nodiscard]] bool lacks_answer() const;
   [[nodiscard]] bool needs_more(const Verifying& verification, Timestamp time) const;
-  [[nodiscard]] bool is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const;
-  [[nodiscard]] bool wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const;
+  [[nodiscard]] bool is_contradicted_by(const PoseHypothesis& place, std::optional<MapId> map) const;
+  [[nodiscard]] bool wants(const PoseHypothesis& place, std::optional<MapId> map, bool may_enter) const;
   [[nodiscard]] bool may_be_elsewhere(Timestamp time) const;
   [[nodiscard]] bool was_lost_at_cut() const { return is_lost() && as<Lost>()->at_cut; }
   [[nodiscard]] bool is_worth_trying(Source source, Timestamp time) const;
@@ -235,7 +235,7 @@ class Recovery {
   std::deque<OutOfReach> out_of_reach_;  ///< that were put off
   bool is_compared_ = false;             ///< of the pose named last
   bool shows_within_reach_ = false;      ///< something, from a pose where the camera can be
-  std::optional<SE3> suggested_;         ///< the place that others say, taken
+  std::optional<SE3> hypothesis_pose_;   ///< the place that others say, taken
   Source source_ = Source::kNone;        ///< of the pose named next
   size_t keyframes_tried_ = 0;
 };

@@ -43,11 +43,11 @@ class RecoveryTest : public ::testing::Test {
     while (const auto start = recovery.next_start(frame, *map, home, 1.0, time)) all.push_back(*start);
     return all;
   }
-  PlaceUse answer(Timestamp time, const std::optional<PoseSuggestion>& suggestion) {
+  PlaceUse answer(Timestamp time, const std::optional<PoseHypothesis>& hypothesis) {
     EXPECT_NE(recovery.ask(frame, time, true), nullptr);
-    return recovery.answered(suggestion, map->map, true);
+    return recovery.answered(hypothesis, map->map, true);
   }
-  [[nodiscard]] PoseSuggestion suggestion_here() const {
+  [[nodiscard]] PoseHypothesis hypothesis_here() const {
     return {map->map, map->epoch, here.reference, SE3(), true};
   }
 
@@ -90,7 +90,7 @@ TEST_F(RecoveryTest, NothingSurvivesATransition) {
 
 TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
   lose();
-  EXPECT_EQ(answer(at(100), suggestion_here()), PlaceUse::kToVerify);
+  EXPECT_EQ(answer(at(100), hypothesis_here()), PlaceUse::kToVerify);
   recovery.begin_frame(*map, 1.0, at(133));
   const auto start = recovery.next_start(frame, *map, home, 1.0, at(133));
   ASSERT_TRUE(start);
@@ -131,7 +131,7 @@ TEST_F(RecoveryTest, AnOwnGuessWaitsForTheWordOfTheServer) {
   recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(100));
   ASSERT_NE(recovery.ask(frame, at(100), true), nullptr);
   for (const int64_t t : {100, 133, 166}) EXPECT_FALSE(recovery.confirm(0.5F, here, at(t)));
-  PoseSuggestion elsewhere = suggestion_here();
+  PoseHypothesis elsewhere = hypothesis_here();
   elsewhere.map.bytes[0] ^= 1;
   EXPECT_EQ(recovery.answered(elsewhere, map->map, true), PlaceUse::kToVerify);
   EXPECT_TRUE(recovery.is_lost());
@@ -144,7 +144,7 @@ TEST_F(RecoveryTest, AnOwnGuessWaitsForTheWordOfTheServer) {
 TEST_F(RecoveryTest, AFrameThatFailsIsTriedWhereOthersSayOnly) {
   recovery.fail(false, at(0));
   EXPECT_TRUE(starts(at(10)).empty());
-  EXPECT_EQ(answer(at(20), suggestion_here()), PlaceUse::kToVerify);
+  EXPECT_EQ(answer(at(20), hypothesis_here()), PlaceUse::kToVerify);
   EXPECT_EQ(starts(at(30)).size(), 2U) << "near, then wide";
   EXPECT_TRUE(starts(at(40)).empty()) << "it was tried";
 }
@@ -288,7 +288,7 @@ TEST_F(RecoveryTest, WhereNobodyAnswersTheKeyframesAreLookedThrough) {
 }
 
 TEST_F(RecoveryTest, AnotherMapIsEnteredFromALostOneOrACutOnly) {
-  PoseSuggestion elsewhere = suggestion_here();
+  PoseHypothesis elsewhere = hypothesis_here();
   elsewhere.map.bytes[0] ^= 1;
   recovery.fail(false, at(0));
   EXPECT_EQ(answer(at(10), elsewhere), PlaceUse::kNotNeeded);
@@ -303,10 +303,10 @@ TEST_F(RecoveryTest, WhoHasTurnedAwayAsksAndIsBackAtOnce) {
   EXPECT_TRUE(recovery.confirm(0.8F, here, at(0)));
   recovery.turn_away();
   ASSERT_NE(recovery.as<Turned>(), nullptr);
-  PoseSuggestion elsewhere = suggestion_here();
+  PoseHypothesis elsewhere = hypothesis_here();
   elsewhere.map.bytes[0] ^= 1;
   EXPECT_EQ(answer(at(33), elsewhere), PlaceUse::kToVerify);
-  EXPECT_EQ(answer(at(133), suggestion_here()), PlaceUse::kToVerify);
+  EXPECT_EQ(answer(at(133), hypothesis_here()), PlaceUse::kToVerify);
   EXPECT_EQ(starts(at(166)).size(), 2U) << "what others say, and no guess of its own";
   EXPECT_TRUE(recovery.confirm(0.8F, here, at(200)));
   recovery.turn_away();
@@ -320,7 +320,7 @@ TEST_F(RecoveryTest, WhileStartingItAsksUnlessItInsistsOrIsDecidedAbout) {
   recovery.start_over(false);
   EXPECT_EQ(recovery.ask(frame, at(100), false), nullptr);
   EXPECT_NE(recovery.ask(frame, at(200), true), nullptr);
-  EXPECT_EQ(recovery.answered(suggestion_here(), std::nullopt, true), PlaceUse::kToVerify);
+  EXPECT_EQ(recovery.answered(hypothesis_here(), std::nullopt, true), PlaceUse::kToVerify);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ constexpr double kRemembered = 10;  ///< [s] after the latest
 
 }  // namespace
 
-void RejectedHypotheses::reject(const PoseSuggestion& place, Timestamp time) {
+void RejectedHypotheses::reject(const PoseHypothesis& place, Timestamp time) {
   std::erase_if(places_, [&](const Place& p) {
     return std::abs(seconds_between(p.latest, time)) > kRemembered;  // recordings may jump back
   });
@@ -25,7 +25,7 @@ void RejectedHypotheses::reject(const PoseSuggestion& place, Timestamp time) {
   known->latest = time;
 }
 
-bool RejectedHypotheses::is_rejected(const PoseSuggestion& place, Timestamp time) const {
+bool RejectedHypotheses::is_rejected(const PoseHypothesis& place, Timestamp time) const {
   return std::any_of(places_.begin(), places_.end(), [&](const Place& p) {
     return p.map == place.map && p.epoch == place.epoch && p.reference == place.reference &&
            p.times >= kEnough && std::abs(seconds_between(p.latest, time)) <= kRemembered;

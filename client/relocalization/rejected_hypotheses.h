@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/pose_hypothesis.h"
 #include "common/base/time.h"
 
 namespace cairn {
@@ -12,8 +12,8 @@ namespace cairn {
 /// that is told of no other may take its place for a new one. Times are of the frames. One thread.
 class RejectedHypotheses {
  public:
-  void reject(const PoseSuggestion& place, Timestamp time);
-  [[nodiscard]] bool is_rejected(const PoseSuggestion& place, Timestamp time) const;
+  void reject(const PoseHypothesis& place, Timestamp time);
+  [[nodiscard]] bool is_rejected(const PoseHypothesis& place, Timestamp time) const;
   /// Something was verified there after all.
   void forget() { places_.clear(); }
 

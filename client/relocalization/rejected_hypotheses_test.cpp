@@ -8,19 +8,19 @@ namespace {
 
 constexpr int64_t kSecond = 1'000'000'000;
 
-PoseSuggestion place(uint64_t keyframe) {
-  PoseSuggestion suggestion;
-  suggestion.epoch = Epoch{1};
-  suggestion.reference = KeyframeId{keyframe};
-  return suggestion;
+PoseHypothesis place(uint64_t keyframe) {
+  PoseHypothesis hypothesis;
+  hypothesis.epoch = Epoch{1};
+  hypothesis.reference = KeyframeId{keyframe};
+  return hypothesis;
 }
 
 /// Rejects a place ten times a second until it is; how often that took.
-int reject_until(RejectedHypotheses* places, const PoseSuggestion& suggestion, int64_t begin) {
+int reject_until(RejectedHypotheses* places, const PoseHypothesis& hypothesis, int64_t begin) {
   for (int i = 1; i <= 100; ++i) {
     const Timestamp now{begin + i * kSecond / 10};
-    places->reject(suggestion, now);
-    if (places->is_rejected(suggestion, now)) return i;
+    places->reject(hypothesis, now);
+    if (places->is_rejected(hypothesis, now)) return i;
   }
   return 0;
 }
@@ -30,7 +30,7 @@ TEST(RejectedHypotheses, OnlyWhatFailsAgainAndAgainIsRejectedAndOnlyThere) {
   EXPECT_FALSE(places.is_rejected(place(1), {0}));
   EXPECT_GT(reject_until(&places, place(1), 0), 1);
   EXPECT_FALSE(places.is_rejected(place(2), {kSecond}));
-  PoseSuggestion later = place(1);
+  PoseHypothesis later = place(1);
   later.epoch = Epoch{2};
   EXPECT_FALSE(places.is_rejected(later, {kSecond}));
 }

@@ -32,13 +32,13 @@ std::shared_ptr<const PlaceView> RelocQueryState::ask(const FrameImages& frame, 
   return view;
 }
 
-bool RelocQueryState::answered(const std::optional<PoseSuggestion>& suggestion) {
+bool RelocQueryState::answered(const std::optional<PoseHypothesis>& hypothesis) {
   left_open();
   answered_ = asked_;
-  const bool is_news = suggestion && !(asked_ && rejected_.is_rejected(*suggestion, *asked_));
-  suggestion_ = is_news ? suggestion : std::nullopt;
+  const bool is_news = hypothesis && !(asked_ && rejected_.is_rejected(*hypothesis, *asked_));
+  hypothesis_ = is_news ? hypothesis : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;
-  is_elsewhere_ |= !suggestion && shows_much_;
+  is_elsewhere_ |= !hypothesis && shows_much_;
   return is_news;
 }
 
@@ -53,16 +53,16 @@ void RelocQueryState::reject(Timestamp time) {
   taken_.reset();
 }
 
-bool RelocQueryState::suggests(const MapSnapshot& map) const {
-  return suggestion_ && suggestion_->map == map.map && suggestion_->epoch == map.epoch;
+bool RelocQueryState::has_hypothesis_in(const MapSnapshot& map) const {
+  return hypothesis_ && hypothesis_->map == map.map && hypothesis_->epoch == map.epoch;
 }
 
 std::optional<SE3> RelocQueryState::take(const FrameImages& frame, const Camera& camera,
                                          const MapSnapshot& map) {
-  if (!suggests(map)) return std::nullopt;
-  const PoseSuggestion taken = *suggestion_;
+  if (!has_hypothesis_in(map)) return std::nullopt;
+  const PoseHypothesis taken = *hypothesis_;
   taken_ = taken;
-  suggestion_.reset();
+  hypothesis_.reset();
   const KeyframePose* keyframe = map.find(taken.reference);
   if (keyframe == nullptr) return std::nullopt;
   const SE3 turn = tiny_.empty() ? SE3() : turn_between(tiny_, place_image(frame), camera);

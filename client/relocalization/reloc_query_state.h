@@ -4,7 +4,7 @@
 #include <memory>
 #include <optional>
 
-#include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/pose_hypothesis.h"
 #include "client/relocalization/rejected_hypotheses.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
@@ -24,7 +24,7 @@ class RelocQueryState {
                                                      const std::optional<UpDirection>& up = {});
   /// The answer: a hypothesis, or that no place is known. Whether there is one to verify: a place that was
   /// rejected again and again counts as none.
-  bool answered(const std::optional<PoseSuggestion>& suggestion);
+  bool answered(const std::optional<PoseHypothesis>& hypothesis);
   /// The answer: neither. What was known before holds; the next query may be made.
   void left_open() {
     under_way_ = false;
@@ -35,17 +35,17 @@ class RelocQueryState {
   /// It did: the camera is where the map says.
   void verified() {
     taken_.reset();
-    suggestion_.reset();
+    hypothesis_.reset();
     rejected_.forget();
     shows_much_ = is_elsewhere_ = false;  // an answer that is still to come is about before
     under_way_ = false;                   // and nobody waits for it any more
   }
-  void drop_suggestion() { suggestion_.reset(); }
+  void drop_hypothesis() { hypothesis_.reset(); }
   /// As new, but for the places rejected: who starts over must not be led to them again.
   void restart();
 
   /// Whether a place suggested in this map waits to be tried.
-  [[nodiscard]] bool suggests(const MapSnapshot& map) const;
+  [[nodiscard]] bool has_hypothesis_in(const MapSnapshot& map) const;
   /// The place suggested, to be tried once, as a pose of the present frame: turned since the query as the
   /// tiny images say. Nothing when the map is another or its keyframe has gone.
   [[nodiscard]] std::optional<SE3> take(const FrameImages& frame, const Camera& camera,
@@ -73,8 +73,8 @@ class RelocQueryState {
   std::optional<Timestamp> not_known_;  ///< when the frame was taken of which the latest answer says so
   bool shows_much_ = false;             ///< the frame asked about
   bool is_elsewhere_ = false;
-  std::optional<PoseSuggestion> suggestion_;
-  std::optional<PoseSuggestion> taken_;  ///< and not rejected yet
+  std::optional<PoseHypothesis> hypothesis_;
+  std::optional<PoseHypothesis> taken_;  ///< and not rejected yet
   RejectedHypotheses rejected_;
 };
 

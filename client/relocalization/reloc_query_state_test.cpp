@@ -105,7 +105,7 @@ TEST_F(RelocQueryStateTest, NotKnownHoldsForASecondAndForFramesSinceTheBeginning
 TEST_F(RelocQueryStateTest, APlaceRejectedOftenIsNoNewsAnyMore) {
   MapSnapshot map;
   map.epoch = Epoch{1};
-  PoseSuggestion place;
+  PoseHypothesis place;
   place.epoch = Epoch{1};
   place.reference = KeyframeId{1};
   const CameraPtr camera =
@@ -115,9 +115,9 @@ TEST_F(RelocQueryStateTest, APlaceRejectedOftenIsNoNewsAnyMore) {
   for (int i = 0; i < 100 && is_news; ++i, t += 100) {
     ASSERT_NE(query_.ask(full_, at(t)), nullptr);
     is_news = query_.answered(place);
-    EXPECT_EQ(query_.suggests(map), is_news);
+    EXPECT_EQ(query_.has_hypothesis_in(map), is_news);
     (void)query_.take(full_, *camera, map);
-    EXPECT_FALSE(query_.suggests(map)) << "tried once";
+    EXPECT_FALSE(query_.has_hypothesis_in(map)) << "tried once";
     query_.reject(at(t));
   }
   EXPECT_FALSE(is_news);

@@ -136,8 +136,8 @@ std::vector<OfferReply> Session::take_offer_replies() {
   return state_->core.apply([](SessionCore& core) { return core.take_offer_replies(); });
 }
 
-std::optional<PlaceAnswer> Session::take_place_answer() {
-  return state_->core.apply([](SessionCore& core) { return core.take_place_answer(); });
+std::optional<RelocalizationAnswer> Session::take_relocalization_answer() {
+  return state_->core.apply([](SessionCore& core) { return core.take_relocalization_answer(); });
 }
 
 std::optional<CameraUpdate> Session::take_camera(const MapSnapshotPtr& snapshot) {

@@ -18,7 +18,7 @@
 #include "common/image/image.h"
 #include "common/image/place.h"
 #include "common/map/label.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
 #include "common/wire/participant.h"
@@ -66,7 +66,7 @@ class Session {
 
   [[nodiscard]] std::optional<SeedReply> take_seed_reply();
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();
-  [[nodiscard]] std::optional<PlaceAnswer> take_place_answer();
+  [[nodiscard]] std::optional<RelocalizationAnswer> take_relocalization_answer();
   /// The values of our camera that go with this snapshot, when they are others than before: to be tracked
   /// with from now on. What is sent from now on names them. Null, after leave_map(): those that the session
   /// began with, unless the camera is known by now; what a map merely believed is not handed on to the next,

@@ -51,7 +51,7 @@ void SessionCore::leave_map() {
   seed_.drop();
   seed_reply_.reset();
   query_.drop();
-  place_answer_.reset();
+  relocalization_answer_.reset();
   use_map({}, {}, {});
 }
 
@@ -71,7 +71,7 @@ void SessionCore::send_offer(SpooledOffer offer) {
 
 void SessionCore::send_query(std::shared_ptr<const PlaceView> view, Timestamp time) {
   if (monitor_.link() != ServerLink::kConnected) return;
-  place_answer_.reset();  // of an older one
+  relocalization_answer_.reset();  // of an older one
   query_.put({std::move(view), maps_.in_use(), time});
   actions_.look_what_to_send = true;
 }
@@ -199,10 +199,10 @@ void SessionCore::take(const wire::ClientReply& reply) {
 
 void SessionCore::take(wire::RelocAnswer answer) {
   if (!query_.apply(answer)) return;
-  PlaceAnswer& place = place_answer_.emplace(std::move(answer.answer));
+  RelocalizationAnswer& place = relocalization_answer_.emplace(std::move(answer.answer));
   if (maps_.is_bound()) {
     std::erase_if(place.candidates, [&](const PlaceCandidate& c) { return c.map != maps_.in_use(); });
-    if (place.candidates.empty()) place.verdict = PlaceVerdict::kNotKnown;
+    if (place.candidates.empty()) place.verdict = RelocalizationVerdict::kNotKnown;
   }
   actions_.look_what_changed = true;
 }

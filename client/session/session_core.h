@@ -15,7 +15,7 @@
 #include "client/session/map_choice.h"
 #include "client/session/session_types.h"
 #include "client/session/spool.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "common/wire/messages.h"
 
 namespace cairn {
@@ -53,7 +53,9 @@ class SessionCore {
   [[nodiscard]] std::vector<RequestReply> take_request_replies() {
     return std::exchange(request_replies_, {});
   }
-  [[nodiscard]] std::optional<PlaceAnswer> take_place_answer() { return std::exchange(place_answer_, {}); }
+  [[nodiscard]] std::optional<RelocalizationAnswer> take_relocalization_answer() {
+    return std::exchange(relocalization_answer_, {});
+  }
   [[nodiscard]] std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot);
 
   // What the server says.
@@ -143,7 +145,7 @@ class SessionCore {
   std::optional<SeedReply> seed_reply_;
   std::vector<OfferReply> offer_replies_;
   QuerySlot query_;
-  std::optional<PlaceAnswer> place_answer_;
+  std::optional<RelocalizationAnswer> relocalization_answer_;
   RequestSpool requests_;
   std::vector<RequestReply> request_replies_;
 

@@ -271,13 +271,13 @@ TEST_F(BoundCoreTest, UsesTheMapOfItsNameAndHearsOfNoOther) {
   ASSERT_EQ(sent.size(), 1U);
   wire::RelocAnswer answer;
   answer.command = sent.front().command;
-  answer.answer.verdict = PlaceVerdict::kConfirmed;
+  answer.answer.verdict = RelocalizationVerdict::kConfirmed;
   answer.answer.candidates.resize(1);
   answer.answer.candidates.front().map = kBench;
   core_->take(answer);
-  const auto place = core_->take_place_answer();
+  const auto place = core_->take_relocalization_answer();
   ASSERT_TRUE(place);
-  EXPECT_EQ(place->verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(place->verdict, RelocalizationVerdict::kNotKnown);
   EXPECT_TRUE(place->candidates.empty());
 }
 

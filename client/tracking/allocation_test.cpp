@@ -78,8 +78,8 @@ TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
     images.push_back(scene.render(looking_down(0.04 * std::cos(angle), 0.04 * std::sin(angle))));
   }
   Tracker tracker(camera, {});
-  static_cast<void>(
-      tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, looking_down(0, 0)}));
+  static_cast<void>(tracker.relocalization_answered(
+      PoseHypothesis{map->map, map->epoch, KeyframeId{1}, looking_down(0, 0)}));
   for (int i = 0; i < (kRoundsToLearn + 5) * kRound; ++i) {
     const GrayImagePtr& image = images[static_cast<size_t>(i % kRound)];
     const size_t before = allocations;

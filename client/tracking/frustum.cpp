@@ -24,7 +24,7 @@ Eigen::Vector3d grid_ray(const Camera& camera, int column, int row) {
   return camera.unproject({column * step * (camera.width() - 1), row * step * (camera.height() - 1)});
 }
 
-/// One int for each slot of a block: what a vectorised loop compares into.
+/// One int for each slot of a block: what a vectorized loop compares into.
 using Lanes = std::array<int32_t, kBlockSlots>;
 
 uint64_t bits_of(const Lanes& lanes) {

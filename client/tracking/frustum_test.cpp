@@ -84,7 +84,7 @@ TEST(Frustum, PassesOverASphereOnlyIfAllOfItIsOutOfView) {
   EXPECT_GT(passed_over, 500);
 }
 
-/// The vectorised test says what the definitions say, point by point.
+/// The vectorized test says what the definitions say, point by point.
 TEST(Frustum, BlocksAreJudgedAsTheirPoints) {
   std::mt19937 engine(kSeed);
   const auto camera = make_camera(cameras()[0]).value();

@@ -272,7 +272,7 @@ TEST(LocalMapTracker, ACameraThatExploresWithoutAServerIsTrackedForAMinute) {
     const double second = i < 0 ? i / 30.0 : kStep * i;  // found first
     const FrameResult& result =
         tracker.track(scene.render(truth), Timestamp::from_seconds(0.2 + second), map);
-    if (result.reloc_query) tracker.place_answered(std::nullopt);
+    if (result.reloc_query) tracker.relocalization_answered(std::nullopt);
     if (i < 0) continue;
     ASSERT_TRUE(result.pose_measured) << "frame " << i << ": " << result.note;
     worst = std::max(worst, (result.camera_from_map.center() - truth.center()).norm());

@@ -50,7 +50,7 @@ ProvisionalPoints::ProvisionalPoints(CameraPtr camera) : camera_(std::move(camer
   points_.reserve(kMostPoints);
   observations_.reserve(kMostPoints);
   estimate_.weights.reserve(kMostPoints);
-  workspace_.linearised.reserve(kMostPoints);
+  workspace_.linearized.reserve(kMostPoints);
   workspace_.squared.reserve(kMostPoints);
   clear();
 }

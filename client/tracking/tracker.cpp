@@ -576,10 +576,10 @@ void Tracker::keyframe_answered(uint64_t number, std::optional<KeyframeId> keyfr
   state_->local.answered(number, keyframe);
 }
 
-PlaceUse Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
+PlaceUse Tracker::relocalization_answered(const std::optional<PoseHypothesis>& hypothesis) {
   const State& s = *state_;
   const auto in_use = s.map ? std::optional(s.map->map) : std::nullopt;
-  return state_->recovery.answered(suggestion, in_use, s.may_enter());
+  return state_->recovery.answered(hypothesis, in_use, s.may_enter());
 }
 
 void Tracker::place_left_open() {

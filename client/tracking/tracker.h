@@ -9,7 +9,7 @@
 
 #include "client/inertial/encoder_turns.h"
 #include "client/inertial/imu_sample.h"
-#include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/pose_hypothesis.h"
 #include "client/tracking/frame_result.h"
 #include "client/tracking/stage.h"
 #include "client/tracking/tracker_options.h"
@@ -63,7 +63,7 @@ class Tracker {
   /// The answer to `reloc_query`: where the camera may be, or that no place is known, without a fresh word
   /// of which no seed is proposed. A hypothesis has its poses published when three frames in a row
   /// have verified it; one that was rejected again and again counts as not known for a while.
-  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion);
+  PlaceUse relocalization_answered(const std::optional<PoseHypothesis>& hypothesis);
   /// The query was answered, and not whether the place is known: another may be made.
   void place_left_open();
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.

@@ -64,7 +64,7 @@ TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
   for (int i = 0; i < 40 && !seed; ++i) {
     const SE3 pose = looking_down(0.006 * i, 0.001 * i);
     seed = tracker.track(world.scene.render(pose), {i * kFrame}, nullptr).seed;
-    EXPECT_EQ(tracker.place_answered(std::nullopt), PlaceUse::kNotKnown);
+    EXPECT_EQ(tracker.relocalization_answered(std::nullopt), PlaceUse::kNotKnown);
     if (!seed) continue;
     // Each trail must follow its place on the plane.
     const SE3 first = looking_down(0, 0);
@@ -97,11 +97,11 @@ TEST(Tracker, NoSeedWithoutAFreshWordThatThePlaceIsNotKnown) {
     return false;
   };
   EXPECT_FALSE(proposed([](Tracker&, int) {})) << "nobody answers";
-  EXPECT_FALSE(proposed([](Tracker& t, int) { t.place_answered(PoseSuggestion{}); })) << "known";
+  EXPECT_FALSE(proposed([](Tracker& t, int) { t.relocalization_answered(PoseHypothesis{}); })) << "known";
   EXPECT_FALSE(proposed([](Tracker& t, int) { t.place_left_open(); })) << "other maps may know it";
-  EXPECT_TRUE(proposed([](Tracker& t, int) { t.place_answered(std::nullopt); }));
+  EXPECT_TRUE(proposed([](Tracker& t, int) { t.relocalization_answered(std::nullopt); }));
   EXPECT_FALSE(proposed([](Tracker& t, int i) {
-    t.place_answered(i < 10 ? std::nullopt : std::optional(PoseSuggestion{}));
+    t.relocalization_answered(i < 10 ? std::nullopt : std::optional(PoseHypothesis{}));
   })) << "known after all";
   EXPECT_TRUE(proposed([](Tracker& t, int i) {
     if (i == 0) t.start_over(NewMap::kInAnyCase);
@@ -117,8 +117,8 @@ TEST(Tracker, StandingAndTurningCamerasProposeNothing) {
     EXPECT_FALSE(standing.track(still, {i * kFrame}, nullptr).seed);
     const SE3 turned =
         SE3(so3_exp({0.004 * i, 0.012 * i, 0.01 * i}), Eigen::Vector3d::Zero()) * looking_down(0, 0);
-    static_cast<void>(standing.place_answered(std::nullopt));
-    static_cast<void>(turning.place_answered(std::nullopt));
+    static_cast<void>(standing.relocalization_answered(std::nullopt));
+    static_cast<void>(turning.relocalization_answered(std::nullopt));
     const FrameResult& result = turning.track(world.scene.render(turned), {i * kFrame}, nullptr);
     EXPECT_FALSE(result.seed) << "frame " << i;
     EXPECT_EQ(result.state, TrackingState::kStarting);
@@ -134,7 +134,7 @@ class OnMap : public ::testing::Test {
     answer.second_keyframe = KeyframeId{1};
     tracker.seed_accepted(answer);
     for (int i = 0; i < 3; ++i) {  // found from the keyframe, and verified
-      if (step(looking_down(0, 0)).reloc_query) tracker.place_answered(std::nullopt);
+      if (step(looking_down(0, 0)).reloc_query) tracker.relocalization_answered(std::nullopt);
     }
   }
   static TrackerOptions options() {
@@ -196,24 +196,25 @@ TEST_F(OnMap, MemoryIsNotBelievedOnceTheCameraWasSeenElsewhere) {
     for (int i = 0; i < 6; ++i) {
       const FrameResult& result = step(truth);
       found |= result.pose_measured;
-      if (result.reloc_query) tracker.place_answered(std::nullopt);
+      if (result.reloc_query) tracker.relocalization_answered(std::nullopt);
     }
     return found;
   };
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   for (int i = 0; i < 4; ++i) {
-    if (blank().reloc_query) tracker.place_answered(std::nullopt);
+    if (blank().reloc_query) tracker.relocalization_answered(std::nullopt);
   }
   EXPECT_TRUE(is_found_again());
   for (int i = 0; i < 4; ++i) {
-    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query) tracker.place_answered(std::nullopt);
+    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query)
+      tracker.relocalization_answered(std::nullopt);
   }
   EXPECT_FALSE(is_found_again());
-  tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1},
-                                        truth * map->find(KeyframeId{1})->camera_from_map.inverse()});
+  tracker.relocalization_answered(PoseHypothesis{
+      map->map, map->epoch, KeyframeId{1}, truth * map->find(KeyframeId{1})->camera_from_map.inverse()});
   EXPECT_TRUE(is_found_again());
   for (int i = 0; i < 4; ++i) {
-    if (blank().reloc_query) tracker.place_answered(std::nullopt);
+    if (blank().reloc_query) tracker.relocalization_answered(std::nullopt);
   }
   EXPECT_TRUE(is_found_again()) << "since then it is here again";
 }
@@ -224,7 +225,8 @@ TEST_F(OnMap, MemoryIsBelievedAloneWhenNobodyAnswersAnyMore) {
   const auto stranger = elsewhere.render(truth);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   for (int i = 0; i < 4; ++i) {
-    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query) tracker.place_answered(std::nullopt);
+    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query)
+      tracker.relocalization_answered(std::nullopt);
   }
   bool found = false;
   for (int i = 0; i < 30 && !found; ++i) found = step(truth).pose_measured;
@@ -239,10 +241,10 @@ TEST_F(OnMap, WhatMemoryFindsGivesWayToAPlaceConfirmedInAnotherMap) {
   const SE3 truth = looking_down(0.02, 0);
   for (const bool confirmed : {true, false}) {
     for (int i = 0; i < 3; ++i) {
-      if (step(looking_down(0.01 * i, 0)).reloc_query) tracker.place_answered(std::nullopt);
+      if (step(looking_down(0.01 * i, 0)).reloc_query) tracker.relocalization_answered(std::nullopt);
     }
     for (int i = 0; i < 4; ++i) {
-      if (blank().reloc_query) tracker.place_answered(std::nullopt);
+      if (blank().reloc_query) tracker.relocalization_answered(std::nullopt);
     }
     bool asked = false;
     bool published = false;
@@ -252,26 +254,27 @@ TEST_F(OnMap, WhatMemoryFindsGivesWayToAPlaceConfirmedInAnotherMap) {
       if (!result.reloc_query) continue;
       EXPECT_TRUE(result.verifying || asked) << "frame " << i;
       asked = true;
-      EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, SE3(), confirmed}),
-                confirmed ? PlaceUse::kToVerify : PlaceUse::kNotNeeded);
+      EXPECT_EQ(
+          tracker.relocalization_answered(PoseHypothesis{other, map->epoch, KeyframeId{1}, SE3(), confirmed}),
+          confirmed ? PlaceUse::kToVerify : PlaceUse::kNotNeeded);
     }
     EXPECT_TRUE(asked);
     EXPECT_EQ(published, !confirmed);
     const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
-    tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there});
+    tracker.relocalization_answered(PoseHypothesis{map->map, map->epoch, KeyframeId{1}, there});
     for (int i = 0; i < 3; ++i) step(truth);
   }
 }
 
 /// A tracker that knows nothing but what it is told of where it may be.
-TEST_F(OnMap, ASuggestedPlaceIsBelievedWhenThreeFramesProveIt) {
+TEST_F(OnMap, AHypothesisIsBelievedWhenThreeFramesVerifyIt) {
   const SE3 truth = looking_down(0.05, 0.01);
   const SE3 rough = SE3(so3_exp({0.01, -0.01, 0.02}), {0.01, 0, -0.01}) * truth;
   Tracker stranger(camera, options());
   const auto image = scene.render(truth);
   EXPECT_FALSE(stranger.track(image, {0}, map).pose_measured);
-  stranger.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1},
-                                         rough * map->find(KeyframeId{1})->camera_from_map.inverse()});
+  stranger.relocalization_answered(PoseHypothesis{
+      map->map, map->epoch, KeyframeId{1}, rough * map->find(KeyframeId{1})->camera_from_map.inverse()});
   for (int i = 1; i <= 4; ++i) {
     const FrameResult& result = stranger.track(image, {i * kFrame}, map);
     EXPECT_EQ(result.pose_measured, i >= 3) << "frame " << i << " " << result.note;
@@ -297,7 +300,7 @@ TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsV
   EXPECT_FALSE(carried.pose_measured);
   ASSERT_TRUE(carried.reloc_query) << "in the first frame";
   const SE3 there = truth * other->find(KeyframeId{1})->camera_from_map.inverse();
-  ASSERT_EQ(tracker.place_answered(PoseSuggestion{other->map, other->epoch, KeyframeId{1}, there}),
+  ASSERT_EQ(tracker.relocalization_answered(PoseHypothesis{other->map, other->epoch, KeyframeId{1}, there}),
             PlaceUse::kToVerify);
   for (int i = 0; i < 3; ++i) {
     const FrameResult& result = show(other);
@@ -335,7 +338,7 @@ TEST_F(OnMap, APoorPoseFarFromThePredictedOneIsNotBelieved) {
   few.max_points = 200;
   for (const double leap : {0.0, 0.1}) {
     Tracker follower(camera, few);
-    follower.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, SE3()});
+    follower.relocalization_answered(PoseHypothesis{map->map, map->epoch, KeyframeId{1}, SE3()});
     for (int i = 0; i < 6; ++i) follower.track(scene.render(looking_down(0, 0)), {i * kFrame}, map);
     const GrayImagePtr sharp = scene.render(looking_down(0.005, leap));
     auto image = std::make_shared<GrayImage>(blurred(*sharp)->view());
@@ -357,11 +360,11 @@ TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
   MapId other;
   other.bytes[0] = 99;
-  EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, there}),
+  EXPECT_EQ(tracker.relocalization_answered(PoseHypothesis{other, map->epoch, KeyframeId{1}, there}),
             PlaceUse::kNotNeeded);
   EXPECT_TRUE(tracker.track(image, {++frame * kFrame}, map).pose_measured)
       << "it holds: no verification needed";
-  EXPECT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
+  EXPECT_EQ(tracker.relocalization_answered(PoseHypothesis{map->map, map->epoch, KeyframeId{1}, there}),
             PlaceUse::kNotNeeded)
       << "nothing is wanted by who is not in need";
 }
@@ -375,34 +378,34 @@ TEST_F(OnMap, ACameraThatRollsByMuchIsRecognizedInTheSameFrame) {
   EXPECT_LT((result.camera_from_map * truth.inverse()).log().norm(), 0.01);
 }
 
-TEST_F(OnMap, WhatIsSuggestedInTheSameMapIsTriedBeforeItIsLost) {
+TEST_F(OnMap, AHypothesisInTheSameMapIsTriedBeforeItIsLost) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   // Aside by more than any search reaches, and so near that corners look otherwise.
   const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0, 0.3);
   const auto image = scene.render(truth);
   ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).reloc_query);
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
-  ASSERT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
+  ASSERT_EQ(tracker.relocalization_answered(PoseHypothesis{map->map, map->epoch, KeyframeId{1}, there}),
             PlaceUse::kToVerify);
   for (int i = 0; i < 3; ++i)
     EXPECT_EQ(tracker.track(image, {++frame * kFrame}, map).pose_measured, i == 2) << "frame " << i;
 }
 
-TEST_F(OnMap, AWrongSuggestionChangesNothing) {
+TEST_F(OnMap, AWrongHypothesisChangesNothing) {
   const SE3 truth = looking_down(0.05, 0.01);
   const SE3& keyframe = map->find(KeyframeId{1})->camera_from_map;
   const SE3 far = looking_down(0.4, -0.3);
   MapId other;
   other.bytes[0] = 99;
-  const std::vector<PoseSuggestion> wrong = {
+  const std::vector<PoseHypothesis> wrong = {
       {map->map, map->epoch, KeyframeId{1}, far * keyframe.inverse()},
       {map->map, map->epoch, KeyframeId{77}, truth * keyframe.inverse()},
       {map->map, Epoch{map->epoch.value + 1}, KeyframeId{1}, truth * keyframe.inverse()},
       {other, map->epoch, KeyframeId{1}, truth * keyframe.inverse()},
   };
-  for (const PoseSuggestion& suggestion : wrong) {
+  for (const PoseHypothesis& hypothesis : wrong) {
     Tracker stranger(camera, options());
-    stranger.place_answered(suggestion);
+    stranger.relocalization_answered(hypothesis);
     for (int i = 0; i < 6; ++i) {
       EXPECT_FALSE(stranger.track(scene.render(truth), {i * kFrame}, map).pose_measured);
     }
@@ -411,14 +414,14 @@ TEST_F(OnMap, AWrongSuggestionChangesNothing) {
 
 TEST_F(OnMap, AVerificationThatBreaksStartsAnew) {
   const SE3 truth = looking_down(0.05, 0.01);
-  const PoseSuggestion right{map->map, map->epoch, KeyframeId{1},
+  const PoseHypothesis right{map->map, map->epoch, KeyframeId{1},
                              truth * map->find(KeyframeId{1})->camera_from_map.inverse()};
   Tracker stranger(camera, options());
   const auto image = scene.render(truth);
   const auto nothing = std::make_shared<GrayImage>(camera->width(), camera->height());
   int64_t i = 0;
   for (const int good : {1, 2, 1, 2}) {
-    stranger.place_answered(right);
+    stranger.relocalization_answered(right);
     for (int k = 0; k < good; ++k) EXPECT_FALSE(stranger.track(image, {++i * kFrame}, map).pose_measured);
     EXPECT_FALSE(stranger.track(nothing, {++i * kFrame}, map).pose_measured);
   }
@@ -441,7 +444,7 @@ TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQueryAtATime) {
       if (left_open) {
         tracker.place_left_open();
       } else {
-        tracker.place_answered(std::nullopt);
+        tracker.relocalization_answered(std::nullopt);
       }
     }
     for (size_t i = 1; i < asked.size(); ++i) EXPECT_GE(asked[i] - asked[i - 1], 2);
@@ -497,7 +500,7 @@ TEST_F(OnMap, SameFramesSameBytes) {
   other.seed_accepted(answer);
   for (int i = 0; i < 3; ++i) {
     if (other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map).reloc_query)
-      other.place_answered(std::nullopt);
+      other.relocalization_answered(std::nullopt);
   }
   for (int i = 3; i < 8; ++i) {
     const auto image = scene.render(looking_down(0.01 * i, 0.005 * i));

@@ -34,7 +34,7 @@ TEST(TurningAway, AwayFromTheMapOnlyTheRotationIsToldAndTheWayBackNeedsNoRelocal
     const double yaw = kStep * std::clamp(std::min(i - kStill, 2 * kStill + 2 * kTurn - i), 0, kTurn);
     const FrameResult& result =
         tracker.track(room.render(turned(yaw), 2, static_cast<uint64_t>(i)), {i * kFrameTime}, map);
-    if (result.reloc_query) static_cast<void>(tracker.place_answered(std::nullopt));
+    if (result.reloc_query) static_cast<void>(tracker.relocalization_answered(std::nullopt));
     if (i < kStill) continue;
     ASSERT_NE(result.state, TrackingState::kLost) << "frame " << i << ": " << result.note;
     EXPECT_LT((result.camera_from_map * turned(yaw).inverse()).log().tail<3>().norm(), 0.02) << "frame " << i;
@@ -86,7 +86,7 @@ struct BlankTurn {
       if (has_gyro) tracker.add_samples(samples);
       const auto image = is_blank(i) ? blank : room.render(pose(i), 2, static_cast<uint64_t>(i));
       const FrameResult& result = tracker.track(image, {i * kFrameTime}, map);
-      if (result.reloc_query) static_cast<void>(tracker.place_answered(std::nullopt));
+      if (result.reloc_query) static_cast<void>(tracker.relocalization_answered(std::nullopt));
       EXPECT_FALSE(is_blank(i) && result.pose_measured);
       if (i < kStill) continue;  // it proves where it is
       if (result.state == TrackingState::kLost) {
@@ -128,7 +128,7 @@ TEST(TurningAway, AQuickSmearedTurnIsHeld) {
     const GrayImagePtr image =
         room.render_exposed([&](double t) { return turned(yaw_at(i + t)); }, 2, static_cast<uint64_t>(i));
     const FrameResult& result = tracker.track(image, {i * kFrameTime}, map);
-    if (result.reloc_query) static_cast<void>(tracker.place_answered(std::nullopt));
+    if (result.reloc_query) static_cast<void>(tracker.relocalization_answered(std::nullopt));
     if (i < kStill) continue;
     ASSERT_NE(result.state, TrackingState::kLost) << "frame " << i << ": " << result.note;
     EXPECT_LT((result.camera_from_map * turned(yaw_at(i)).inverse()).log().tail<3>().norm(), 0.035)

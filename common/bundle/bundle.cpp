@@ -60,7 +60,7 @@ class LevenbergMarquardt {
     for (const FreeCamera& c : problem.free_cameras) state_.free_cameras.push_back(c.camera);
   }
 
-  MinimisationReport minimise(double squared_cutoff, int max_iterations) {
+  MinimizationReport minimize(double squared_cutoff, int max_iterations) {
     report_ = {.usable = true};
     squared_cutoff_ = squared_cutoff;
     lambda_ = kFirstLambda;
@@ -149,7 +149,7 @@ class LevenbergMarquardt {
   SchurComplement equations_;
   BundleState state_, candidate_;
   BundleStep step_;
-  MinimisationReport report_;
+  MinimizationReport report_;
   double squared_cutoff_ = 0;
   double cost_ = 0;
   double lambda_ = kFirstLambda;
@@ -160,9 +160,9 @@ class LevenbergMarquardt {
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options) {
   LevenbergMarquardt solver(*problem, options);
   BundleReport report = solve_in_rounds(problem, options, [&](double squared_cutoff, int max_iterations) {
-    const MinimisationReport minimised = solver.minimise(squared_cutoff, max_iterations);
+    const MinimizationReport minimized = solver.minimize(squared_cutoff, max_iterations);
     solver.write_to(problem);
-    return minimised;
+    return minimized;
   });
   if (report.usable && !problem->free_cameras.empty())
     solver.write_covariances_to(problem, report.squared_cutoff);

@@ -42,7 +42,7 @@ struct BundleOptions {
   double function_tolerance = 1e-4;  ///< relative decrease of the cost at which an iteration is the last
   double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, units of sigma
   /// Times that the robust scale is estimated. All rounds but the last are of two iterations: a scale from
-  /// bad start values is wide enough to keep outliers, and minimising to the end with it lets them win.
+  /// bad start values is wide enough to keep outliers, and minimizing to the end with it lets them win.
   int rounds = 1;
   std::function<bool()> should_stop;  ///< polled about every millisecond; the last whole iteration is kept
 };
@@ -57,7 +57,7 @@ struct BundleReport {
   int observations = 0;
 };
 
-/// Minimises the sum of Tukey's cost of whitened reprojection errors over the poses and points that are not
+/// Minimizes the sum of Tukey's cost of whitened reprojection errors over the poses and points that are not
 /// fixed and the intrinsics of free cameras (these with their priors), in place; the covariance of free
 /// cameras is that of the M-estimate (Huber 1981, 7.6) with everything else re-adjusted, its noise that of
 /// the residuals. Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al.

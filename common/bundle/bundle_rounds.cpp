@@ -61,7 +61,7 @@ std::vector<double> squared_residuals(const BundleProblem& problem) {
 }
 
 BundleReport solve_in_rounds(BundleProblem* problem, const BundleOptions& options,
-                             const Minimisation& minimise) {
+                             const Minimization& minimize) {
   BundleReport report;
   report.observations = static_cast<int>(problem->observations.size());
   if (problem->observations.empty()) return report;
@@ -73,8 +73,8 @@ BundleReport solve_in_rounds(BundleProblem* problem, const BundleOptions& option
     report.squared_cutoff = robust_squared_cutoff(round == 0 ? residuals_before : squared_residuals(*problem),
                                                   options.min_squared_cutoff);
     const bool last = round + 1 == options.rounds;
-    const MinimisationReport done =
-        minimise(report.squared_cutoff, last ? options.max_iterations : kScaleRoundIterations);
+    const MinimizationReport done =
+        minimize(report.squared_cutoff, last ? options.max_iterations : kScaleRoundIterations);
     report.iterations += done.iterations;
     report.converged = done.converged && last;
     if (!done.usable || done.stopped) break;

@@ -6,7 +6,7 @@
 namespace cairn {
 
 /// solve_bundle() for a problem with free cameras of which little may be known. As long as a focal length is
-/// not known to a few percent the minimisation starts from several, the rest of the problem stretched along
+/// not known to a few percent the minimization starts from several, the rest of the problem stretched along
 /// the first camera's axis to go with each; the least cost wins. The covariances take in how far the estimate
 /// would move without one part of the motion or another (jackknife over runs of keyframes), for residuals are
 /// not independent, and what the values taken for given, principal point and k2, may have done (Schmidt 1966:

@@ -56,9 +56,9 @@ void ReducedSystem::add_diagonal(int pose, const Eigen::Matrix<double, kPoseSize
   at += block;
 }
 
-ReducedSystem::Outcome ReducedSystem::factorise(const std::function<bool()>& should_stop) {
+ReducedSystem::Outcome ReducedSystem::factorize(const std::function<bool()>& should_stop) {
   for (int k = 0; k < side_; ++k) {
-    if (!kernels_->factorise(tile(k, k))) return Outcome::kSingular;
+    if (!kernels_->factorize(tile(k, k))) return Outcome::kSingular;
     for (int i = k + 1; i < side_; ++i) {
       if (tile(i, k) == nullptr) continue;
       kernels_->divide(tile(k, k), tile(i, k));

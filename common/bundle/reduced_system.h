@@ -10,13 +10,13 @@
 /// The camera system that is left when points are eliminated.
 namespace cairn {
 
-/// A symmetric positive definite matrix of 6x6 blocks with a block-sparse Cholesky factorisation. Stored and
-/// factorised in dense tiles of 8x8 blocks: a map of one place is nearly dense, and a long one is dense near
+/// A symmetric positive definite matrix of 6x6 blocks with a block-sparse Cholesky factorization. Stored and
+/// factorized in dense tiles of 8x8 blocks: a map of one place is nearly dense, and a long one is dense near
 /// the diagonal as keyframes follow the camera's path. Only the lower half is kept.
 class ReducedSystem {
  public:
   /// `tracks`: for each point the poses that see it, ascending; these pairs of poses are coupled. Reserves
-  /// what the factorisation fills in as well.
+  /// what the factorization fills in as well.
   ReducedSystem(int poses, const std::vector<std::vector<int>>& tracks, const TileKernels& kernels);
   ReducedSystem(const ReducedSystem&) = delete;
   ReducedSystem& operator=(const ReducedSystem&) = delete;
@@ -33,7 +33,7 @@ class ReducedSystem {
 
   enum class Outcome { kDone, kSingular, kStopped };
   /// Replaces the matrix by its factor. `should_stop` is polled about every half millisecond.
-  [[nodiscard]] Outcome factorise(const std::function<bool()>& should_stop);
+  [[nodiscard]] Outcome factorize(const std::function<bool()>& should_stop);
   /// Solves with the factor, in place. @param x 6 * poses() numbers
   void solve(Eigen::VectorXd* x) const;
 

@@ -57,7 +57,7 @@ struct Case {
   std::vector<double> slots;
 };
 
-TEST(ReducedSystem, SolvesAsADenseFactorisationDoes) {
+TEST(ReducedSystem, SolvesAsADenseFactorizationDoes) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     Random random(seed);
@@ -68,7 +68,7 @@ TEST(ReducedSystem, SolvesAsADenseFactorisationDoes) {
     Eigen::VectorXd b(poses * kPoseSize);
     for (double& value : b) value = random.normal(1);
     const Eigen::VectorXd expected = c.dense().llt().solve(b);
-    ASSERT_EQ(system.factorise({}), ReducedSystem::Outcome::kDone);
+    ASSERT_EQ(system.factorize({}), ReducedSystem::Outcome::kDone);
     system.solve(&b);
     EXPECT_LT((b - expected).norm(), 1e-10 * expected.norm());
   }
@@ -81,7 +81,7 @@ TEST(ReducedSystem, InstructionSetsAgreeToTheLastBit) {
   for (const TileKernels* kernels : {&baseline_tile_kernels(), &best_tile_kernels()}) {
     ReducedSystem system(c.poses, c.tracks, *kernels);
     c.fill(&system);
-    ASSERT_EQ(system.factorise({}), ReducedSystem::Outcome::kDone);
+    ASSERT_EQ(system.factorize({}), ReducedSystem::Outcome::kDone);
     solutions.emplace_back(Eigen::VectorXd::LinSpaced(c.poses * kPoseSize, -1, 1));
     system.solve(&solutions.back());
   }
@@ -105,7 +105,7 @@ TEST(ReducedSystem, SaysThatItIsSingular) {
   for (int i = 0; i < 12; ++i) {
     if (i != 7) system.add_diagonal(i, Eigen::Matrix<double, kPoseSize, kPoseSize>::Identity());
   }
-  EXPECT_EQ(system.factorise({}), ReducedSystem::Outcome::kSingular);
+  EXPECT_EQ(system.factorize({}), ReducedSystem::Outcome::kSingular);
 }
 
 TEST(ReducedSystem, StopsWhenTold) {
@@ -117,7 +117,7 @@ TEST(ReducedSystem, StopsWhenTold) {
     system.add_diagonal(i, Eigen::Matrix<double, kPoseSize, kPoseSize>::Identity());
   }
   int polls = 0;
-  EXPECT_EQ(system.factorise([&polls] { return ++polls == 3; }), ReducedSystem::Outcome::kStopped);
+  EXPECT_EQ(system.factorize([&polls] { return ++polls == 3; }), ReducedSystem::Outcome::kStopped);
   EXPECT_EQ(polls, 3);
 }
 

@@ -235,7 +235,7 @@ void SchurComplement::add_pose_blocks(double lambda) {
 }
 
 ReducedSystem::Outcome SchurComplement::solve(BundleStep* step, const std::function<bool()>& should_stop) {
-  const auto outcome = reduced_->factorise(should_stop);
+  const auto outcome = reduced_->factorize(should_stop);
   if (outcome != ReducedSystem::Outcome::kDone) return outcome;
   reduced_->solve(&right_side_);
   double decrease = 0;  // (lambda d^T D d - g^T d) / 2
@@ -295,7 +295,7 @@ std::optional<std::vector<Eigen::Matrix2d>> SchurComplement::camera_covariances(
     const BundleState& state, double squared_cutoff, const std::function<bool()>& should_stop) {
   constexpr double kFreeScale = 1e-8;  // damping against the free scale, which the cameras do not feel
   if (!linearize(state, squared_cutoff, kFreeScale, should_stop)) return std::nullopt;
-  if (reduced_->factorise(should_stop) != ReducedSystem::Outcome::kDone) return std::nullopt;
+  if (reduced_->factorize(should_stop) != ReducedSystem::Outcome::kDone) return std::nullopt;
   const Eigen::MatrixXd all = border_.inverse_curvature(*reduced_);
   std::vector<Eigen::Matrix2d> covariances;
   for (Eigen::Index c = 0; c < all.cols(); c += kIntrinsics)

@@ -28,10 +28,10 @@ struct TileTable {
 struct TileKernels {
   /// C -= A B^T.
   void (*subtract_product)(const double* a, const double* b, double* c);
-  /// X <- X L^-T for a factor L made by factorise().
+  /// X <- X L^-T for a factor L made by factorize().
   void (*divide)(const double* l, double* x);
   /// A <- L with L L^T = A; what is above the diagonal is undefined. False when A is not positive definite.
-  bool (*factorise)(double* a);
+  bool (*factorize)(double* a);
   /// Subtracts Z_i Z_j^T from block (poses[i], poses[j]) for all i >= j: a point's share of the Schur
   /// complement. `z`: `count` 6x3 blocks; `poses` ascending.
   void (*subtract_point)(const double* z, const int* poses, int count, const TileTable& table);

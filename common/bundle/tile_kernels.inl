@@ -82,7 +82,7 @@ void divide(const double* l, double* x) {
   }
 }
 
-bool factorise(double* a) {
+bool factorize(double* a) {
   for (int k = 0; k < kTileSize; ++k) {
     const int first = k / (4 * kLanes) * (4 * kLanes);
     subtract_columns(a, k, first, a);
@@ -115,4 +115,4 @@ void subtract_point(const double* z, const int* poses, int count, const TileTabl
   }
 }
 
-constexpr TileKernels kKernels{subtract_product, divide, factorise, subtract_point};
+constexpr TileKernels kKernels{subtract_product, divide, factorize, subtract_point};

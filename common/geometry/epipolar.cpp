@@ -19,7 +19,7 @@ using Matrix5d = Eigen::Matrix<double, 5, 5>;
 // In units of sigma^2, 3.5 sigma: keeps nearly all of the good, none of the wild.
 constexpr double kTukeyCutoff = 12.25;
 
-double epipolar_cost(NormalisedMatches matches, const SE3& pose) {
+double epipolar_cost(NormalizedMatches matches, const SE3& pose) {
   const Eigen::Matrix3d E = essential_of(pose);
   double cost = 0;
   for (const auto& m : matches) {
@@ -38,7 +38,7 @@ Eigen::Matrix<double, 3, 2> tangent_basis(const Eigen::Vector3d& t) {
 
 /// Normal equations of the Sampson residuals b^T [t]x R a / spread. The spread counts as constant: its change
 /// multiplies a residual of zero mean.
-void linearise(NormalisedMatches matches, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
+void linearize(NormalizedMatches matches, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
   const Eigen::Matrix3d R = pose.rotation_matrix();
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Matrix3d E = skew(t) * R;
@@ -67,7 +67,7 @@ Eigen::Matrix3d essential_of(const SE3& b_from_a) {
   return skew(b_from_a.translation()) * b_from_a.rotation_matrix();
 }
 
-double sampson_error(const Eigen::Matrix3d& E, const NormalisedMatch& m) {
+double sampson_error(const Eigen::Matrix3d& E, const NormalizedMatch& m) {
   const double x = m.a.x();
   const double y = m.a.y();
   const double u = m.b.x();
@@ -97,14 +97,14 @@ std::array<SE3, 4> twisted_poses(const SE3& pose) {
   return {pose, SE3(pose.rotation(), -t), SE3(twisted, t), SE3(twisted, -t)};
 }
 
-SE3 refine_epipolar(NormalisedMatches matches, const SE3& start, int iterations) {
+SE3 refine_epipolar(NormalizedMatches matches, const SE3& start, int iterations) {
   SE3 pose = start;
   double cost = epipolar_cost(matches, pose);
   double damping = 1e-4;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Matrix5d information;
     Vector5d gradient;
-    linearise(matches, pose, &information, &gradient);
+    linearize(matches, pose, &information, &gradient);
     bool improved = false;
     double gain = 0;
     for (int attempt = 0; attempt < 4 && !improved; ++attempt) {
@@ -129,10 +129,10 @@ SE3 refine_epipolar(NormalisedMatches matches, const SE3& start, int iterations)
   return pose;
 }
 
-double direction_uncertainty(NormalisedMatches matches, const SE3& pose) {
+double direction_uncertainty(NormalizedMatches matches, const SE3& pose) {
   Matrix5d information;
   Vector5d gradient;
-  linearise(matches, pose, &information, &gradient);
+  linearize(matches, pose, &information, &gradient);
   const Eigen::SelfAdjointEigenSolver<Matrix5d> spectrum(information);
   if (!(spectrum.eigenvalues()(0) > 1e-12 * spectrum.eigenvalues()(4)))
     return std::numeric_limits<double>::infinity();

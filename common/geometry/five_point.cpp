@@ -66,10 +66,10 @@ using NullSpace = Eigen::Matrix<double, 9, 4>;
 using Constraints = Eigen::Matrix<double, 10, kMonomials>;
 
 /// Row-major entries of the four matrices that span the solutions of the five epipolar constraints.
-NullSpace null_space(const std::array<NormalisedMatch, 5>& sample) {
+NullSpace null_space(const std::array<NormalizedMatch, 5>& sample) {
   Eigen::Matrix<double, 9, 5> constraints;
   for (int k = 0; k < 5; ++k) {
-    const NormalisedMatch& m = sample[static_cast<size_t>(k)];
+    const NormalizedMatch& m = sample[static_cast<size_t>(k)];
     constraints.col(k) << m.b.x() * m.a, m.b.y() * m.a, m.b.z() * m.a;
   }
   const Eigen::HouseholderQR<Eigen::Matrix<double, 9, 5>> qr(constraints);
@@ -134,7 +134,7 @@ Eigen::Matrix<double, 10, 10> action_matrix(const Constraints& constraints) {
 
 }  // namespace
 
-void solve_five_point(const std::array<NormalisedMatch, 5>& sample, std::vector<Eigen::Matrix3d>& out) {
+void solve_five_point(const std::array<NormalizedMatch, 5>& sample, std::vector<Eigen::Matrix3d>& out) {
   const NullSpace basis = null_space(sample);
   LinearMatrix E;
   for (size_t i = 0; i < 3; ++i) {

@@ -27,7 +27,7 @@ bool projective_basis(const std::array<Eigen::Vector3d, 4>& p, Eigen::Matrix3d* 
 }  // namespace
 
 double transfer_error(const Eigen::Matrix3d& b_from_a, const Eigen::Matrix3d& a_from_b,
-                      const NormalisedMatch& m) {
+                      const NormalizedMatch& m) {
   const Eigen::Vector3d in_b = b_from_a * m.a;
   const Eigen::Vector3d in_a = a_from_b * m.b;
   const double forward = (in_b.head<2>() / in_b.z() - m.b.head<2>()).squaredNorm();
@@ -35,7 +35,7 @@ double transfer_error(const Eigen::Matrix3d& b_from_a, const Eigen::Matrix3d& a_
   return 0.5 * (forward + backward) / (m.variance_a + m.variance_b);
 }
 
-bool solve_four_point(const std::array<NormalisedMatch, 4>& sample, Eigen::Matrix3d* H) {
+bool solve_four_point(const std::array<NormalizedMatch, 4>& sample, Eigen::Matrix3d* H) {
   Eigen::Matrix3d A;
   Eigen::Matrix3d B;
   Eigen::Vector3d in_a;
@@ -51,7 +51,7 @@ bool solve_four_point(const std::array<NormalisedMatch, 4>& sample, Eigen::Matri
   return true;
 }
 
-Eigen::Matrix3d refine_homography(NormalisedMatches matches, Eigen::Matrix3d H, int iterations) {
+Eigen::Matrix3d refine_homography(NormalizedMatches matches, Eigen::Matrix3d H, int iterations) {
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Eigen::Matrix<double, 9, 9> scatter = Eigen::Matrix<double, 9, 9>::Zero();
     for (const auto& m : matches) {
@@ -109,7 +109,7 @@ std::vector<PlaneMotion> decompose_homography(const Eigen::Matrix3d& H) {
   return solutions;
 }
 
-Eigen::Matrix3d fit_rotation(NormalisedMatches matches, const Eigen::Matrix3d& H, int iterations) {
+Eigen::Matrix3d fit_rotation(NormalizedMatches matches, const Eigen::Matrix3d& H, int iterations) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H.determinant() < 0 ? Eigen::Matrix3d(-H) : H,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix3d rotation = svd.matrixU() * svd.matrixV().transpose();

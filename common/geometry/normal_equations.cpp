@@ -6,9 +6,9 @@
 namespace cairn {
 namespace {
 
-using Linearised = PoseWorkspace::Linearised;
+using Linearized = PoseWorkspace::Linearized;
 
-NormalEquations sum_two(std::span<const Linearised> observations, std::span<const double> weights) {
+NormalEquations sum_two(std::span<const Linearized> observations, std::span<const double> weights) {
   NormalEquations sum;
   for (size_t i = 0; i < observations.size(); ++i) {
     if (!(weights[i] > 0)) continue;
@@ -24,7 +24,7 @@ NormalEquations sum_two(std::span<const Linearised> observations, std::span<cons
 }
 
 /// Two columns side by side. Those of an odd row begin with one that lies below the diagonal: it is not kept.
-CAIRN_WIDE NormalEquations sum_four(std::span<const Linearised> observations,
+CAIRN_WIDE NormalEquations sum_four(std::span<const Linearized> observations,
                                     std::span<const double> weights) {
   constexpr size_t kPairs = 3;
   F64x4 upper[6][kPairs];
@@ -93,7 +93,7 @@ SumLanes best_sum_lanes() {
   return best;
 }
 
-NormalEquations sum_up(std::span<const Linearised> observations, std::span<const double> weights,
+NormalEquations sum_up(std::span<const Linearized> observations, std::span<const double> weights,
                        SumLanes lanes) {
   return lanes == SumLanes::kFour ? sum_four(observations, weights) : sum_two(observations, weights);
 }

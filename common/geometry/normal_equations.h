@@ -26,7 +26,7 @@ enum class SumLanes { kTwo, kFour };
 [[nodiscard]] SumLanes best_sum_lanes();
 
 /// Of the observations whose weight is above 0; as many weights as observations.
-[[nodiscard]] NormalEquations sum_up(std::span<const PoseWorkspace::Linearised> observations,
+[[nodiscard]] NormalEquations sum_up(std::span<const PoseWorkspace::Linearized> observations,
                                      std::span<const double> weights, SumLanes lanes = best_sum_lanes());
 
 }  // namespace cairn

@@ -11,13 +11,13 @@
 namespace cairn {
 namespace {
 
-using Linearised = PoseWorkspace::Linearised;
+using Linearized = PoseWorkspace::Linearized;
 
-std::vector<Linearised> made_up(size_t count) {
+std::vector<Linearized> made_up(size_t count) {
   std::mt19937 rng(1);
   std::uniform_real_distribution<double> value(-100, 100);
-  std::vector<Linearised> observations(count);
-  for (Linearised& o : observations) {
+  std::vector<Linearized> observations(count);
+  for (Linearized& o : observations) {
     o.residual = {value(rng), value(rng)};
     for (Eigen::Array2d& column : o.d_residual_d_xi) column = {value(rng), value(rng)};
   }

@@ -112,7 +112,7 @@ class PinholeRadtan final : public Camera {
     const double u = x * x + y * y;
     const double radial = 1 + u * (k1_ + u * (k2_ + u * k3_));
     const double d_radial = 2 * (k1_ + u * (2 * k2_ + u * 3 * k3_));  // d radial / d x = x * d_radial
-    // Entry by entry: with a comma initialiser here, g++ 12.2 -O3 -DNDEBUG drops the stores after the first
+    // Entry by entry: with a comma initializer here, g++ 12.2 -O3 -DNDEBUG drops the stores after the first
     // (-fipa-modref; checked by camera_test).
     (*jacobian)(0, 0) = radial + x * x * d_radial + 2 * p1_ * y + 6 * p2_ * x;
     (*jacobian)(0, 1) = (*jacobian)(1, 0) = x * y * d_radial + 2 * (p1_ * x + p2_ * y);

@@ -22,15 +22,15 @@ constexpr size_t kMinObservations = 4;
 /// prior would decide, and in that a wall that is farther than expected is wrong for all its corners alike.
 constexpr double kKnownDepth = 0.2;
 
-using Linearised = PoseWorkspace::Linearised;
+using Linearized = PoseWorkspace::Linearized;
 
-void linearise(const Camera& camera, const SE3& camera_from_map,
-               std::span<const PointObservation> observations, std::vector<Linearised>& out) {
+void linearize(const Camera& camera, const SE3& camera_from_map,
+               std::span<const PointObservation> observations, std::vector<Linearized>& out) {
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   const Eigen::Vector3d& translation = camera_from_map.translation();
   for (size_t i = 0; i < observations.size(); ++i) {
     const PointObservation& observation = observations[i];
-    Linearised& o = out[i];
+    Linearized& o = out[i];
     const Eigen::Vector3d p = rotation * observation.point_in_map + translation;
     Matrix23d d_pixel_d_point;
     const auto pixel = camera.project(p, &d_pixel_d_point);
@@ -49,13 +49,13 @@ void linearise(const Camera& camera, const SE3& camera_from_map,
 }
 
 /// Each row mixes x and y: the noise, in which the distance is marginalised, lies across the axes.
-void linearise(const Camera& camera, const SE3& camera_from_map, std::span<const BearingObservation> bearings,
-               std::span<Linearised> out) {
+void linearize(const Camera& camera, const SE3& camera_from_map, std::span<const BearingObservation> bearings,
+               std::span<Linearized> out) {
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   const Eigen::Vector3d& translation = camera_from_map.translation();
   for (size_t i = 0; i < bearings.size(); ++i) {
     const BearingObservation& b = bearings[i];
-    Linearised& o = out[i];
+    Linearized& o = out[i];
     // The point times its inverse depth: cameras know directions only.
     const Eigen::Vector3d origin = rotation * b.origin_in_map + translation;
     const Eigen::Vector3d p = rotation * b.bearing_in_map + b.inverse_depth * origin;
@@ -90,11 +90,11 @@ void linearise(const Camera& camera, const SE3& camera_from_map, std::span<const
   }
 }
 
-void linearise(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
-               std::span<const BearingObservation> bearings, std::vector<Linearised>& out) {
-  linearise(camera, pose, observations, out);
+void linearize(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
+               std::span<const BearingObservation> bearings, std::vector<Linearized>& out) {
+  linearize(camera, pose, observations, out);
   if (!bearings.empty())
-    linearise(camera, pose, bearings, std::span(out).subspan(observations.size(), bearings.size()));
+    linearize(camera, pose, bearings, std::span(out).subspan(observations.size(), bearings.size()));
 }
 
 /// What a prior adds to the normal equations at a pose. A step to the left moves the centre by its
@@ -110,23 +110,23 @@ double cutoff_for(int iteration, const PoseOptions& options, PoseWorkspace* work
   if (iteration >= options.fixed_cutoff_after) return options.late_squared_cutoff;
   std::vector<double>& squared = workspace->squared;
   squared.clear();
-  for (const auto& o : workspace->linearised) {
+  for (const auto& o : workspace->linearized) {
     if (o.in_view) squared.push_back(o.squared);
   }
   return std::clamp(tukey_squared_cutoff(squared), options.min_squared_cutoff, options.max_squared_cutoff);
 }
 
-void weigh(std::span<const Linearised> linearised, double cutoff, std::vector<double>* weights) {
-  weights->resize(linearised.size());
-  for (size_t i = 0; i < linearised.size(); ++i) {
-    const Linearised& o = linearised[i];
+void weigh(std::span<const Linearized> linearized, double cutoff, std::vector<double>* weights) {
+  weights->resize(linearized.size());
+  for (size_t i = 0; i < linearized.size(); ++i) {
+    const Linearized& o = linearized[i];
     (*weights)[i] = o.in_view ? tukey_weight(o.squared, cutoff) : 0.0;
   }
 }
 
 /// Cholesky of a matrix that must be safely positive definite: nothing if a direction of the pose is not
 /// determined.
-std::optional<Eigen::LDLT<Matrix6d>> factorise(const Matrix6d& m) {
+std::optional<Eigen::LDLT<Matrix6d>> factorize(const Matrix6d& m) {
   Eigen::LDLT<Matrix6d> ldlt(m);
   const Vector6d d = ldlt.vectorD();
   if (ldlt.info() != Eigen::Success || !d.allFinite() || !(d.minCoeff() > 1e-13 * d.maxCoeff()))
@@ -140,25 +140,25 @@ tl::unexpected<Error> singular() {
 
 /// Weights, inliers, rms, information and covariance (for the sigmas as given, without options.prior) at the
 /// end.
-Status summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff,
+Status summarize(const SE3& pose, const std::vector<Linearized>& linearized, double cutoff,
                  const std::optional<PositionPrior>& position, PoseEstimate* estimate) {
   estimate->camera_from_map = pose;
-  weigh(linearised, cutoff, &estimate->weights);
+  weigh(linearized, cutoff, &estimate->weights);
   estimate->inliers = 0;
   double total_weight = 0;
   double total_squared = 0;
-  for (size_t i = 0; i < linearised.size(); ++i) {
+  for (size_t i = 0; i < linearized.size(); ++i) {
     const double weight = estimate->weights[i];
     if (!(weight > 0)) continue;
     ++estimate->inliers;
     total_weight += weight;
-    total_squared += weight * linearised[i].squared;
+    total_squared += weight * linearized[i].squared;
   }
-  estimate->information = sum_up(linearised, estimate->weights).information();
+  estimate->information = sum_up(linearized, estimate->weights).information();
   Matrix6d information = estimate->information;
   Vector6d gradient = Vector6d::Zero();
   if (position) add_prior(*position, pose, &information, &gradient);
-  const auto factor = factorise(information);
+  const auto factor = factorize(information);
   if (!factor || static_cast<size_t>(estimate->inliers) < kMinObservations) return singular();
   estimate->rms = std::sqrt(total_squared / total_weight);
   estimate->covariance = factor->solve(Matrix6d::Identity());
@@ -224,18 +224,18 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
   // Squared step, in standard deviations of the pose as the sigmas have it: what is left is a hundredth of
   // what the noise of the best measurements leaves open.
   constexpr double kConverged = 1e-6;
-  std::vector<Linearised>& linearised = workspace->linearised;
-  linearised.resize(count);
+  std::vector<Linearized>& linearized = workspace->linearized;
+  linearized.resize(count);
   workspace->squared.reserve(count);
   SE3 pose = camera_from_map_start;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    linearise(camera, pose, observations, supplement.bearings, linearised);
-    weigh(linearised, cutoff_for(iteration, options, workspace), &estimate->weights);
-    const NormalEquations sum = sum_up(linearised, estimate->weights);
+    linearize(camera, pose, observations, supplement.bearings, linearized);
+    weigh(linearized, cutoff_for(iteration, options, workspace), &estimate->weights);
+    const NormalEquations sum = sum_up(linearized, estimate->weights);
     Matrix6d information = sum.information() + options.prior * Matrix6d::Identity();
     Vector6d gradient = sum.gradient();
     if (supplement.position) add_prior(*supplement.position, pose, &information, &gradient);
-    const auto factor = factorise(information);
+    const auto factor = factorize(information);
     if (!factor) return singular();
     const Vector6d step = -factor->solve(gradient);
     pose = SE3::exp(step) * pose;
@@ -245,8 +245,8 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
         options.fixed_cutoff_after >= options.iterations || iteration >= options.fixed_cutoff_after;
     if (cutoff_settled && -step.dot(gradient) < kConverged) break;
   }
-  linearise(camera, pose, observations, supplement.bearings, linearised);
-  return summarise(pose, linearised, cutoff_for(options.iterations, options, workspace), supplement.position,
+  linearize(camera, pose, observations, supplement.bearings, linearized);
+  return summarize(pose, linearized, cutoff_for(options.iterations, options, workspace), supplement.position,
                    estimate);
 }
 

@@ -68,15 +68,15 @@ struct PoseEstimate {
 /// What optimize_pose computes with, kept from call to call by who has no time to allocate. What is in it
 /// means nothing to others. One thread.
 struct PoseWorkspace {
-  /// One observation linearised at the present pose, whitened by its sigma.
-  struct Linearised {
+  /// One observation linearized at the present pose, whitened by its sigma.
+  struct Linearized {
     Eigen::Array2d residual;  ///< (projected - measured) / sigma
     std::array<Eigen::Array2d, 6>
         d_residual_d_xi;  ///< x and y side by side; left tangent (translation, rotation)
     double squared = 0;
     bool in_view = false;
   };
-  std::vector<Linearised> linearised;
+  std::vector<Linearized> linearized;
   std::vector<double> squared;  ///< of those in view, in any order
 };
 

@@ -56,7 +56,7 @@ class SE3 {
   [[nodiscard]] bool is_finite() const { return rotation_.coeffs().allFinite() && translation_.allFinite(); }
 
  private:
-  /// Normalising twice would change the last bit now and then: what is unit to rounding stays, so poses
+  /// Normalizing twice would change the last bit now and then: what is unit to rounding stays, so poses
   /// survive the wire exactly.
   static Eigen::Quaterniond unit(const Eigen::Quaterniond& q) {
     constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();

@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-// The epipolar plane with normal n (n orthogonal to the baseline) that minimises (n.ray_a)^2 + (n.ray_b)^2,
+// The epipolar plane with normal n (n orthogonal to the baseline) that minimizes (n.ray_a)^2 + (n.ray_b)^2,
 // the sum of squared sines of both angular errors, is a 2x2 eigenvector (Oliensis 2002; Lee and Civera, ICCV
 // 2019, sec. 4); rays turned into that plane meet in the optimal point. Closed form: no start value, no
 // iteration.

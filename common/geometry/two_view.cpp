@@ -41,7 +41,7 @@ std::string text(const char* format, Values... values) {
 
 /// Sum of truncated residuals (MSAC, Torr and Zisserman 2000); stops counting at `limit`.
 template <typename Error>
-double msac_cost(NormalisedMatches matches, double cutoff, double limit, Error error) {
+double msac_cost(NormalizedMatches matches, double cutoff, double limit, Error error) {
   double cost = 0;
   for (const auto& m : matches) {
     cost += std::min(error(m), cutoff);
@@ -51,8 +51,8 @@ double msac_cost(NormalisedMatches matches, double cutoff, double limit, Error e
 }
 
 template <size_t N>
-std::array<NormalisedMatch, N> pick(NormalisedMatches matches, const std::array<size_t, N>& indices) {
-  std::array<NormalisedMatch, N> sample;
+std::array<NormalizedMatch, N> pick(NormalizedMatches matches, const std::array<size_t, N>& indices) {
+  std::array<NormalizedMatch, N> sample;
   for (size_t i = 0; i < N; ++i) sample[i] = matches[indices[i]];
   return sample;
 }
@@ -62,18 +62,18 @@ struct Hypothesis {
   double cost = std::numeric_limits<double>::infinity();
 };
 
-double homography_cost(NormalisedMatches matches, const Eigen::Matrix3d& H, double limit) {
+double homography_cost(NormalizedMatches matches, const Eigen::Matrix3d& H, double limit) {
   const Eigen::Matrix3d inverse = H.inverse();
   return msac_cost(matches, kTransferCutoff, limit,
-                   [&](const NormalisedMatch& m) { return transfer_error(H, inverse, m); });
+                   [&](const NormalizedMatch& m) { return transfer_error(H, inverse, m); });
 }
 
-double essential_cost(NormalisedMatches matches, const Eigen::Matrix3d& E, double limit) {
+double essential_cost(NormalizedMatches matches, const Eigen::Matrix3d& E, double limit) {
   return msac_cost(matches, kEpipolarCutoff, limit,
-                   [&](const NormalisedMatch& m) { return sampson_error(E, m); });
+                   [&](const NormalizedMatch& m) { return sampson_error(E, m); });
 }
 
-std::optional<Eigen::Matrix3d> find_homography(NormalisedMatches matches, const TwoViewOptions& options) {
+std::optional<Eigen::Matrix3d> find_homography(NormalizedMatches matches, const TwoViewOptions& options) {
   const double all_out = kTransferCutoff * static_cast<double>(matches.size());
   MinimalSampler sampler(options.seed, matches.size());
   Hypothesis best{Eigen::Matrix3d::Identity(), all_out};
@@ -96,9 +96,9 @@ std::optional<Eigen::Matrix3d> find_homography(NormalisedMatches matches, const 
   return refine_homography(matches, best.matrix, kRefinements);
 }
 
-/// Locally optimised RANSAC (Chum, Matas and Kittler 2003); the pose is one of the four of its essential
+/// Locally optimized RANSAC (Chum, Matas and Kittler 2003); the pose is one of the four of its essential
 /// matrix.
-std::optional<SE3> find_essential(NormalisedMatches matches, const TwoViewOptions& options) {
+std::optional<SE3> find_essential(NormalizedMatches matches, const TwoViewOptions& options) {
   const double all_out = kEpipolarCutoff * static_cast<double>(matches.size());
   MinimalSampler sampler(options.seed, matches.size());
   std::optional<SE3> best;
@@ -133,7 +133,7 @@ double gric(const Residuals& residuals, int dimension, int freedom) {
   return sum + std::log(4.0) * dimension * n + std::log(4 * n) * freedom;
 }
 
-Residuals transfer_residuals(NormalisedMatches matches, const Eigen::Matrix3d& H) {
+Residuals transfer_residuals(NormalizedMatches matches, const Eigen::Matrix3d& H) {
   Residuals residuals;
   residuals.reserve(matches.size());
   const Eigen::Matrix3d inverse = H.inverse();
@@ -144,7 +144,7 @@ Residuals transfer_residuals(NormalisedMatches matches, const Eigen::Matrix3d& H
   return residuals;
 }
 
-Residuals epipolar_residuals(NormalisedMatches matches, const SE3& pose) {
+Residuals epipolar_residuals(NormalizedMatches matches, const SE3& pose) {
   Residuals residuals;
   residuals.reserve(matches.size());
   const Eigen::Matrix3d E = essential_of(pose);
@@ -168,7 +168,7 @@ struct Models {
   int rotation_inliers = 0;
 };
 
-Models fit_models(NormalisedMatches matches, const TwoViewOptions& options) {
+Models fit_models(NormalizedMatches matches, const TwoViewOptions& options) {
   Models models;
   models.homography = find_homography(matches, options);
   if (models.homography) {
@@ -193,7 +193,7 @@ bool meets_in_front(const Eigen::Vector3d& rotated_a, const Eigen::Vector3d& t, 
 /// Squared error of a match whose point lies in front of both cameras, in units of sigma. A match that meets
 /// behind them is best explained at infinity: far points, whose noise decides the sign, stay cheap, and no
 /// threshold is needed.
-double frontal_error(const SE3& pose, const Eigen::Matrix3d& rotation, const NormalisedMatch& m,
+double frontal_error(const SE3& pose, const Eigen::Matrix3d& rotation, const NormalizedMatch& m,
                      double epipolar_residual) {
   const Eigen::Vector3d a = rotation * m.a;
   if (meets_in_front(a, pose.translation(), m.b)) return epipolar_residual;
@@ -212,7 +212,7 @@ struct Candidate {
 /// `plane`: transfer residuals under the homography that all candidates share, or none. On it they differ
 /// only by the side of the camera. Their Sampson errors there are noise of two different directions and must
 /// not decide.
-Candidate judge(NormalisedMatches matches, const SE3& pose, const Residuals& plane) {
+Candidate judge(NormalizedMatches matches, const SE3& pose, const Residuals& plane) {
   constexpr double kWiderCutoff = 2 * kTransferCutoff;  // the tail of the inliers is no evidence either
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   Candidate candidate{pose, epipolar_residuals(matches, pose), {}, 0};
@@ -230,7 +230,7 @@ Candidate judge(NormalisedMatches matches, const SE3& pose, const Residuals& pla
 
 /// Motions of the refined homography for which the plane lies in front of the first camera at most of its
 /// inliers.
-std::vector<SE3> plane_motions(NormalisedMatches matches, const Eigen::Matrix3d& H) {
+std::vector<SE3> plane_motions(NormalizedMatches matches, const Eigen::Matrix3d& H) {
   const Residuals residuals = transfer_residuals(matches, H);
   std::vector<SE3> poses;
   for (const auto& motion : decompose_homography(H)) {
@@ -249,7 +249,7 @@ std::vector<SE3> plane_motions(NormalisedMatches matches, const Eigen::Matrix3d&
 /// Candidates of the chosen model, best first. A plane: the homography's own motions, which are the
 /// maximum-likelihood ones. Otherwise: the poses of the essential matrix and the plane's motions refined on
 /// all matches, for a scene with one big plane has a second minimum there.
-std::vector<Candidate> candidates_of(NormalisedMatches matches, const Models& models, TwoViewModel model) {
+std::vector<Candidate> candidates_of(NormalizedMatches matches, const Models& models, TwoViewModel model) {
   std::vector<SE3> poses;
   if (models.homography) poses = plane_motions(matches, *models.homography);
   if (model == TwoViewModel::kEssential) {
@@ -312,7 +312,7 @@ struct Structure {
 };
 
 Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
-                          std::span<const size_t> index, NormalisedMatches normalised, const SE3& pose,
+                          std::span<const size_t> index, NormalizedMatches normalized, const SE3& pose,
                           double sigma) {
   const double limit = 16 * sigma * sigma;
   Structure result;
@@ -320,14 +320,14 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
   geometry.b_from_a = pose;
   geometry.points.assign(matches.size(), Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   geometry.inlier.assign(matches.size(), false);
-  const Residuals residuals = epipolar_residuals(normalised, pose);
+  const Residuals residuals = epipolar_residuals(normalized, pose);
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3d center_b = pose.center();
   std::vector<double> parallaxes;
   int fitting = 0;
   for (size_t i = 0; i < index.size(); ++i) {
     if (residuals[i] >= kEpipolarCutoff) continue;
-    const NormalisedMatch& m = normalised[i];
+    const NormalizedMatch& m = normalized[i];
     const auto point = triangulate(pose, m.a.normalized(), m.b.normalized());
     if (!point) {
       const double at_infinity = frontal_error(pose, rotation, m, residuals[i]);
@@ -355,7 +355,7 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
 /// A pixel as (x/z, y/z, 1), and the variance there of a pixel with `sigma`: where the lens compresses the
 /// view, a pixel is a larger angle (mean over directions). Not finite for a pixel of a wide lens that looks
 /// along the image plane or behind it: no plane image has it.
-std::pair<Eigen::Vector3d, double> normalise(const Camera& camera, const Eigen::Vector2d& pixel,
+std::pair<Eigen::Vector3d, double> normalize(const Camera& camera, const Eigen::Vector2d& pixel,
                                              double sigma) {
   constexpr double kMinCosine = 0.05;
   const Eigen::Vector3d ray = camera.unproject(pixel);
@@ -369,26 +369,26 @@ std::pair<Eigen::Vector3d, double> normalise(const Camera& camera, const Eigen::
 }
 
 /// Finite matches as points of the ideal camera; `index` has their places in `matches`.
-std::vector<NormalisedMatch> normalise(const Camera& camera_a, const Camera& camera_b,
+std::vector<NormalizedMatch> normalize(const Camera& camera_a, const Camera& camera_b,
                                        std::span<const PixelMatch> matches, double sigma,
                                        std::vector<size_t>* index) {
-  std::vector<NormalisedMatch> normalised;
-  normalised.reserve(matches.size());
+  std::vector<NormalizedMatch> normalized;
+  normalized.reserve(matches.size());
   index->reserve(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     if (!matches[i].a.allFinite() || !matches[i].b.allFinite()) continue;
-    const auto [a, variance_a] = normalise(camera_a, matches[i].a, sigma);
-    const auto [b, variance_b] = normalise(camera_b, matches[i].b, sigma);
+    const auto [a, variance_a] = normalize(camera_a, matches[i].a, sigma);
+    const auto [b, variance_b] = normalize(camera_b, matches[i].b, sigma);
     if (!a.allFinite() || !b.allFinite()) continue;
-    normalised.push_back({a, b, variance_a, variance_b});
+    normalized.push_back({a, b, variance_a, variance_b});
     index->push_back(i);
   }
-  return normalised;
+  return normalized;
 }
 
 /// Standard deviation of the matches in units of the assumed one, by the median of what an epipolar geometry
 /// leaves.
-double measured_sigma(NormalisedMatches matches, const SE3& pose) {
+double measured_sigma(NormalizedMatches matches, const SE3& pose) {
   Residuals residuals = epipolar_residuals(matches, pose);
   return kDeviationPerMedian * std::sqrt(reorder_to_median(std::span(residuals)));
 }
@@ -414,23 +414,23 @@ tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a
                                                           std::span<const PixelMatch> matches,
                                                           const TwoViewOptions& options) {
   std::vector<size_t> index;
-  std::vector<NormalisedMatch> normalised = normalise(camera_a, camera_b, matches, options.sigma, &index);
+  std::vector<NormalizedMatch> normalized = normalize(camera_a, camera_b, matches, options.sigma, &index);
   constexpr int kMinimalSample = 5;
-  const auto count = static_cast<int>(normalised.size());
+  const auto count = static_cast<int>(normalized.size());
   if (count < std::max(options.min_matches, kMinimalSample)) {
     return refuse(TwoViewRefusal::kTooFewMatches,
                   text("%d matches, at least %d needed", count, options.min_matches));
   }
-  Models models = fit_models(normalised, options);
-  const double noise = models.essential ? std::clamp(measured_sigma(normalised, *models.essential),
+  Models models = fit_models(normalized, options);
+  const double noise = models.essential ? std::clamp(measured_sigma(normalized, *models.essential),
                                                      kLeastSigma / options.sigma, 1.0)
                                         : 1.0;
   if (noise < 1) {
-    for (NormalisedMatch& m : normalised) {
+    for (NormalizedMatch& m : normalized) {
       m.variance_a *= noise * noise;
       m.variance_b *= noise * noise;
     }
-    models = fit_models(normalised, options);
+    models = fit_models(normalized, options);
   }
   if (models.rotation_inliers >= options.min_inlier_fraction * count &&
       models.gric_rotation <= std::min(models.gric_essential, models.gric_homography)) {
@@ -439,7 +439,7 @@ tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a
   if (!models.essential) return refuse(TwoViewRefusal::kNoModel, "no two-view model fits the matches");
   const auto model =
       models.gric_homography < models.gric_essential ? TwoViewModel::kHomography : TwoViewModel::kEssential;
-  const auto candidates = candidates_of(normalised, models, model);
+  const auto candidates = candidates_of(normalized, models, model);
   if (candidates.empty())
     return refuse(TwoViewRefusal::kNoModel, "no motion puts the plane in front of both cameras");
   return best_motions(candidates, model);
@@ -450,12 +450,12 @@ tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camer
                                                              const SE3& b_from_a,
                                                              const TwoViewCriteria& criteria) {
   std::vector<size_t> index;
-  const std::vector<NormalisedMatch> normalised =
-      normalise(camera_a, camera_b, matches, criteria.sigma, &index);
-  const auto count = static_cast<int>(normalised.size());
+  const std::vector<NormalizedMatch> normalized =
+      normalize(camera_a, camera_b, matches, criteria.sigma, &index);
+  const auto count = static_cast<int>(normalized.size());
   Structure structure =
-      build_structure(camera_a, camera_b, matches, index, normalised, b_from_a, criteria.sigma);
-  const int fitting = count_below(epipolar_residuals(normalised, b_from_a), kEpipolarCutoff);
+      build_structure(camera_a, camera_b, matches, index, normalized, b_from_a, criteria.sigma);
+  const int fitting = count_below(epipolar_residuals(normalized, b_from_a), kEpipolarCutoff);
   if (fitting < criteria.min_inlier_fraction * count) {
     return refuse(TwoViewRefusal::kNoModel, text("only %d of %d matches fit one motion", fitting, count));
   }
@@ -468,7 +468,7 @@ tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camer
     return refuse(TwoViewRefusal::kNoModel, text("only %.0f %% of the matches lie in front of both cameras",
                                                  100 * structure.good_fraction));
   }
-  if (direction_uncertainty(normalised, b_from_a) > kMaxDirectionUncertainty) {
+  if (direction_uncertainty(normalized, b_from_a) > kMaxDirectionUncertainty) {
     return refuse(TwoViewRefusal::kNoModel, "the matches do not determine the direction of the motion");
   }
   return std::move(structure.geometry);

@@ -392,7 +392,7 @@ TEST(TwoView, MatchesInOnePlaceOrOnALineDoNotHurt) {
 
 // --- the parts ---
 
-NormalisedMatch exact_match(const SE3& b_from_a, Random& random) {
+NormalizedMatch exact_match(const SE3& b_from_a, Random& random) {
   const Eigen::Vector3d p(random.uniform(-0.6, 0.6), random.uniform(-0.5, 0.5), random.uniform(0.8, 2));
   const Eigen::Vector3d q = b_from_a * p;
   return {.a = p / p.z(), .b = q / q.z()};
@@ -404,7 +404,7 @@ TEST(FivePoint, TrueEssentialMatrixIsAmongTheSolutionsAndAllAreEssential) {
   for (unsigned seed = 1; seed <= kTrials; ++seed) {
     Random random(seed);
     const SE3 b_from_a(so3_exp(0.2 * random.vector()), 0.3 * random.vector());
-    std::array<NormalisedMatch, 5> sample;
+    std::array<NormalizedMatch, 5> sample;
     for (auto& m : sample) m = exact_match(b_from_a, random);
     const Eigen::Matrix3d truth = essential_of(b_from_a).normalized();
     std::vector<Eigen::Matrix3d> solutions;
@@ -439,7 +439,7 @@ TEST(Essential, RefinementReachesTheTruthWithoutNoise) {
   for (unsigned seed = 1; seed <= 50; ++seed) {
     Random random(seed);
     const SE3 truth(so3_exp(0.1 * random.vector()), random.vector().normalized());
-    std::vector<NormalisedMatch> data;
+    std::vector<NormalizedMatch> data;
     const SE3 scaled(truth.rotation(), 0.1 * truth.translation());
     for (int i = 0; i < 100; ++i) data.push_back(exact_match(scaled, random));
     const SE3 start(so3_exp(0.0005 * random.vector()) * truth.rotation(),
@@ -457,7 +457,7 @@ TEST(Homography, FourPointsGiveItAndItsMotionIsAmongTheDecompositions) {
         (Eigen::Vector3d(0, 0, 2) + random.vector().cwiseMin(1).cwiseMax(-1)).normalized();
     const Eigen::Matrix3d truth =
         (b_from_a.rotation_matrix() + b_from_a.translation() * normal.transpose()).normalized();
-    std::array<NormalisedMatch, 4> sample;
+    std::array<NormalizedMatch, 4> sample;
     constexpr std::array<std::array<double, 2>, 4> kCorners{
         {{-0.4, -0.3}, {0.4, -0.3}, {0.35, 0.3}, {-0.4, 0.25}}};
     for (size_t i = 0; i < 4; ++i) {
@@ -479,7 +479,7 @@ TEST(Homography, FourPointsGiveItAndItsMotionIsAmongTheDecompositions) {
 }
 
 TEST(Homography, CollinearAndMirroredSamplesAreRefused) {
-  std::array<NormalisedMatch, 4> sample;
+  std::array<NormalizedMatch, 4> sample;
   const std::array<Eigen::Vector3d, 4> corners{Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0.1, 0, 1),
                                                Eigen::Vector3d(0.2, 0, 1), Eigen::Vector3d(0, 0.3, 1)};
   for (size_t i = 0; i < 4; ++i) sample[i].a = sample[i].b = corners[i];
@@ -494,7 +494,7 @@ TEST(Homography, CollinearAndMirroredSamplesAreRefused) {
 TEST(Homography, OfARotationHasNoDecompositionAndIsThatRotation) {
   const Eigen::Matrix3d rotation = so3_exp({0.1, -0.2, 0.05}).toRotationMatrix();
   EXPECT_TRUE(decompose_homography(3 * rotation).empty());
-  std::vector<NormalisedMatch> data;
+  std::vector<NormalizedMatch> data;
   Random random(1);
   for (int i = 0; i < 50; ++i) {
     const Eigen::Vector3d a(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), 1);

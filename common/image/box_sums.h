@@ -43,7 +43,7 @@ struct PixelRun {
 
 /// Appends the pixels of the runs, in their order, where the template fits with a zmssd_at() below `limit`.
 /// Each of them lowers `limit` to 1 / ratio (in (0, 1]) of its own: what is farther from it can neither be
-/// the best nor its rival. All windows must lie inside the image, of which `sums` are. Vectorised, exact
+/// the best nor its rival. All windows must lie inside the image, of which `sums` are. Vectorized, exact
 /// integers.
 void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
                   std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out);

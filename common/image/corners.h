@@ -28,7 +28,7 @@ struct CornerList {
 
 /// FAST-10 (Rosten and Drummond, ECCV 2006): 10 contiguous of the 16 pixels on a circle of radius 3 all
 /// brighter than centre + threshold or all darker than centre - threshold. No non-maximum suppression.
-/// Vectorised with run-time dispatch (scalar, SSE2, AVX2 give the same list). Corners at least 3 px inside
+/// Vectorized with run-time dispatch (scalar, SSE2, AVX2 give the same list). Corners at least 3 px inside
 /// the image. Reuses the memory of `out`.
 void detect_fast10(const GrayView& image, int threshold, CornerList* out);
 

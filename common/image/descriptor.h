@@ -61,7 +61,7 @@ struct NearestDescriptor {
   int distance = 257;
   int second_distance = 257;
 };
-/// Linear scan; ties go to the lower index. Vectorised by population count where the machine has it.
+/// Linear scan; ties go to the lower index. Vectorized by population count where the machine has it.
 [[nodiscard]] NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set);
 
 }  // namespace cairn

@@ -62,7 +62,7 @@ struct PatchMatch {
 constexpr int kMaxZmssd = 64 * 250;
 
 /// Best zero-mean SSD over the corners within `radius` px of `center` (all in search-level px) below
-/// `max_zmssd`. Vectorised, exact integers. Corners whose 8x8 window leaves the image are passed over.
+/// `max_zmssd`. Vectorized, exact integers. Corners whose 8x8 window leaves the image are passed over.
 [[nodiscard]] std::optional<PatchMatch> find_patch(const PatchTemplate& patch, const GrayView& level_image,
                                                    const CornerList& corners, const Eigen::Vector2f& center,
                                                    float radius, int max_zmssd = kMaxZmssd);

@@ -31,7 +31,7 @@ class Pyramid {
   std::array<GrayImage, kPyramidLevels> levels_;
 };
 
-/// dst = 2x2 means of src; vectorised, exact, equal on every machine.
+/// dst = 2x2 means of src; vectorized, exact, equal on every machine.
 void halve(const GrayView& src, GrayImage* dst);
 
 }  // namespace cairn

@@ -18,7 +18,7 @@ constexpr int kLanes = 4;  ///< every processor has these: no dispatch, and the 
 
 // ---- Blur
 
-/// One half of a normalised Gaussian: weights of distances 0 .. radius.
+/// One half of a normalized Gaussian: weights of distances 0 .. radius.
 void gaussian(float sigma, int radius, float* weights) {
   float sum = 0;
   for (int i = 0; i <= radius; ++i) {
@@ -91,7 +91,7 @@ class Aligner {
         center_(0.5F * static_cast<float>(reference.width() - 1),
                 0.5F * static_cast<float>(reference.height() - 1)) {}
 
-  /// Normal equations of efficient second-order minimisation at `motion`: the Jacobian is the mean of the
+  /// Normal equations of efficient second-order minimization at `motion`: the Jacobian is the mean of the
   /// gradients of the reference and of the warped current image (Benhimane and Malis 2004, eq. 14), both in
   /// reference coordinates.
   NormalEquations linearize(const TinyMotion& motion) {

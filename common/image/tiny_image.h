@@ -57,7 +57,7 @@ struct TinyMotion {
   float score = 0;  ///< mean squared difference over the overlap after alignment (mean offset removed)
 };
 
-/// Aligns `current` to `reference` by efficient second-order minimisation (Benhimane and Malis, IROS 2004)
+/// Aligns `current` to `reference` by efficient second-order minimization (Benhimane and Malis, IROS 2004)
 /// over (x, y, angle, mean offset). PTAM r114.
 [[nodiscard]] TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations = 6);
 

@@ -43,7 +43,7 @@ struct Trajectory {
 ///  commas);
 ///  * ORB-SLAM's `t tx ty tz qx qy qz qw` with nanoseconds.
 /// A heading, with or without '#', that names a quaternion's columns decides where its w is. '#' begins a
-/// comment row; `# map ID NAME` with ID of 32 hex digits begins a segment. Quaternions are normalised. Errors
+/// comment row; `# map ID NAME` with ID of 32 hex digits begins a segment. Quaternions are normalized. Errors
 /// name file and line: kNotFound, kIo, kDamaged (also for a file without a pose).
 [[nodiscard]] Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 

@@ -22,7 +22,7 @@ struct KeyframeView {
   CameraPtr camera;
   std::shared_ptr<const Pyramid> pyramid;      ///< null: has been let go
   std::vector<PointMeasurement> measurements;  ///< ascending by point
-  /// FAST-10 corners of `pyramid` by level, as a question about the image wants them
+  /// FAST-10 corners of `pyramid` by level, as a query about the image wants them
   /// (common/image/place.h); null where nobody has looked for them.
   std::shared_ptr<const std::array<CornerList, kPyramidLevels>> corners = {};
   std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known

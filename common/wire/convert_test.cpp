@@ -380,9 +380,10 @@ TEST(Validation, RelocQuery) {
 
 TEST(Validation, RelocAnswer) {
   const Spoiler<RelocAnswer> answer;
-  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(4); });
+  answer.refuses("unknown verdict",
+                 [](auto& m) { m.answer.verdict = static_cast<RelocalizationVerdict>(4); });
   answer.refuses("a place without a candidate", [](auto& m) {
-    m.answer.verdict = PlaceVerdict::kConfirmed;
+    m.answer.verdict = RelocalizationVerdict::kConfirmed;
     m.answer.candidates.clear();
   });
   answer.refuses("too many candidates",

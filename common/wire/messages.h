@@ -16,7 +16,7 @@
 #include "common/map/label.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "common/map/snapshot.h"
 
 /// What travels, as value types: one struct per topic of idl/README.md. Conversion to and from the generated
@@ -316,8 +316,8 @@ struct LabelMessage {
 /// Topic RelocAnswer: query, keyed by client.
 struct RelocAnswer {
   ClientId client;
-  CommandId command;   ///< of the query answered
-  PlaceAnswer answer;  ///< up to 16 candidates
+  CommandId command;            ///< of the query answered
+  RelocalizationAnswer answer;  ///< up to 16 candidates
 };
 
 // ---- operator <-> server

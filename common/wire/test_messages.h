@@ -50,7 +50,7 @@ CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
 CAIRN_MEMBERS(PlaceCorner, a, b, c)
 CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(PlaceCandidate, a, b, c, d, e, f, g, h, i, j, k)
-CAIRN_MEMBERS(PlaceAnswer, a, b, c)
+CAIRN_MEMBERS(RelocalizationAnswer, a, b, c)
 CAIRN_MEMBERS(RelocAnswer, a, b, c)
 CAIRN_MEMBERS(ClientRequest, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(RequestOutcome, a, b, c, d, e)
@@ -70,7 +70,7 @@ CAIRN_MEMBERS(PictureRequest, a, b)
 CAIRN_MEMBERS(CameraPicture, a, b, c, d, e, f)
 #undef CAIRN_MEMBERS
 
-/// Equal in every member; poses up to the rounding of one normalisation.
+/// Equal in every member; poses up to the rounding of one normalization.
 template <typename T>
 bool same(const T& x, const T& y);
 inline bool same(const SE3& x, const SE3& y) {
@@ -349,7 +349,8 @@ inline RelocQuery RandomMessages::make() {
 }
 template <>
 inline RelocAnswer RandomMessages::make() {
-  RelocAnswer made{id<ClientId>(), command(), {static_cast<PlaceVerdict>(number(0, 3)), {}, text(60)}};
+  RelocAnswer made{
+      id<ClientId>(), command(), {static_cast<RelocalizationVerdict>(number(0, 3)), {}, text(60)}};
   for (uint64_t i = 0, n = number(1, 16); i < n; ++i) {
     made.answer.candidates.push_back({id<MapId>(),
                                       {number()},

@@ -124,13 +124,13 @@ Finding look_at_server(const AdminClientOptions& connection) {
 Finding look_at_clock() {
   timex now{};
   const int state = ::adjtimex(&now);
-  const bool is_synchronised = state != TIME_ERROR && (now.status & STA_UNSYNC) == 0;
+  const bool is_synchronized = state != TIME_ERROR && (now.status & STA_UNSYNC) == 0;
   const std::string time = to_utc(wall_clock());
-  if (is_synchronised) return {"clock", Grade::kOk, time + ", synchronised", ""};
+  if (is_synchronized) return {"clock", Grade::kOk, time + ", synchronized", ""};
   return {
       "clock", Grade::kWarning,
       time +
-          ", not synchronised: grants and certificates expire by it, and audit entries are stamped with it",
+          ", not synchronized: grants and certificates expire by it, and audit entries are stamped with it",
       "timedatectl set-ntp true"};
 }
 

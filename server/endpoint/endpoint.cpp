@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "common/wire/partition.h"
-#include "server/endpoint/newest_questions.h"
+#include "server/endpoint/newest_queries.h"
 #include "server/service/admin_reply.h"
 
 namespace cairn {
@@ -203,19 +203,19 @@ void Endpoint::take_messages() {
   take_states();
   take_commands(&readers_.seeds, hand_over);
   take_commands(&readers_.offers, hand_over);
-  take_questions();
+  take_queries();
   take_commands(&readers_.client_requests, hand_over);
   take_requests();
   take_rigs();
 }
 
-void Endpoint::take_questions() {
-  NewestQuestions newest;
-  take_commands(&readers_.queries, [&newest](const Principal& who, const auto&, wire::RelocQuery question) {
-    newest.put(who, std::move(question));
+void Endpoint::take_queries() {
+  NewestQueries newest;
+  take_commands(&readers_.queries, [&newest](const Principal& who, const auto&, wire::RelocQuery query) {
+    newest.put(who, std::move(query));
   });
   newest.hand_over(
-      [this](const Principal& who, wire::RelocQuery question) { service_.take(who, std::move(question)); });
+      [this](const Principal& who, wire::RelocQuery query) { service_.take(who, std::move(query)); });
 }
 
 void Endpoint::take_states() {

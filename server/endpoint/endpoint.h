@@ -77,7 +77,7 @@ class Endpoint : private ServiceOutput {
   void take_messages();
   template <typename Message, typename Use>
   void take_commands(Inlet<Message>* inlet, const Use& use);
-  void take_questions();
+  void take_queries();
   void take_states();
   void take_requests();
   void take_rigs();

@@ -71,7 +71,7 @@ constexpr OptionRow kOptions[] = {
     {"keyframe-rate", "N",
      "keyframes a second that one client may offer in the long run, and 300 at once; 0: no limit [5]", true},
     {"question-rate", "N",
-     "questions a second where it is that one client may ask in the long run, and 100 at once; 0: no limit "
+     "relocalization queries a second that one client may ask in the long run, and 100 at once; 0: no limit "
      "[20]",
      true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
@@ -199,7 +199,7 @@ Result<ServerOptions> translate(const Words& words) {
     } else if (name == "keyframe-rate" || name == "question-rate") {
       const auto rate = to_number<double>(value);
       if (!rate || !(*rate >= 0) || !std::isfinite(*rate)) return refuse("expected a number from 0 on");
-      (name == "keyframe-rate" ? options.rates.keyframes : options.rates.questions) = *rate;
+      (name == "keyframe-rate" ? options.rates.keyframes : options.rates.queries) = *rate;
     } else if (name == "rest-after" || name == "drop-after") {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");

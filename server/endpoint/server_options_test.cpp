@@ -81,7 +81,7 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   EXPECT_EQ(limited.max_keyframes, 50U);
   EXPECT_EQ(limited.max_labels, 20U);
   EXPECT_EQ(limited.rates.keyframes, 0.5);
-  EXPECT_EQ(limited.rates.questions, 0);
+  EXPECT_EQ(limited.rates.queries, 0);
   EXPECT_EQ(refused({"--max-labels", "1001"}).code, 2);
   for (const char* rate : {"-1", "nan", "inf", "many", "1/s"})
     EXPECT_EQ(refused({"--keyframe-rate", rate}).code, 2) << rate;

@@ -64,7 +64,7 @@ struct Service::State {
   State(int workers, const Logger& log)
       : urgent(workers, 0, log),
         background(1, kBackgroundNice, log),
-        questions(std::max(1, workers / 2), 0, log),
+        queries(std::max(1, workers / 2), 0, log),
         idle(1, kIdleNice, log),
         site_changes(1, 0, log) {}
   ~State() { close(); }
@@ -72,7 +72,7 @@ struct Service::State {
     if (endpoint) endpoint->stop();
     urgent.stop();
     background.stop();
-    questions.stop();
+    queries.stop();
     idle.stop();
     site_changes.finish();  // what operators did is on record
     if (endpoint && store) endpoint->save_last_changes();
@@ -83,7 +83,7 @@ struct Service::State {
   std::unique_ptr<Endpoint> endpoint;
   WorkerPool urgent;
   WorkerPool background;
-  WorkerPool questions;
+  WorkerPool queries;
   WorkerPool idle;
   WorkerPool site_changes;  ///< of `site`: no archive, backup or adjustment holds them up
 };
@@ -122,7 +122,7 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  const MapService::Executors executors{state->urgent, state->background, state->questions, state->idle,
+  const MapService::Executors executors{state->urgent, state->background, state->queries, state->idle,
                                         state->site_changes};
   auto endpoint = Endpoint::start(known, executors, state->store.get(), *state->site, *std::move(keys),
                                   std::move(restored), std::move(log));

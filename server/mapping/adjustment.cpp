@@ -292,7 +292,7 @@ void write_back(const MapProblem& solved, double squared_cutoff, MapState* map) 
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
 }
 
-BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster) {
+BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster) {
   return adjuster == Adjuster::kOwn ? solve_bundle(problem, options)
                                     : solve_bundle_with_ceres(problem, options, {});
 }
@@ -304,7 +304,7 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOpti
   bundle.max_iterations = 10;
   bundle.function_tolerance = 1e-4;
   bundle.should_stop = should_stop;
-  const BundleReport report = minimise(&problem.bundle, bundle, options.adjuster);
+  const BundleReport report = minimize(&problem.bundle, bundle, options.adjuster);
   if (!report.usable) return report;
   const std::vector<Standing> before = standing_of(*map);
   write_local(problem, map);
@@ -319,7 +319,7 @@ BundleReport adjust_whole(MapState* map, Adjuster adjuster) {
   MapProblem problem = global_problem(*map);
   BundleOptions options = global_options({});
   options.rounds = 3;
-  const BundleReport report = minimise(&problem.bundle, options, adjuster);
+  const BundleReport report = minimize(&problem.bundle, options, adjuster);
   if (report.usable) write_back(problem, report.squared_cutoff, map);
   return report;
 }

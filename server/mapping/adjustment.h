@@ -35,8 +35,8 @@ struct MapProblem {
 void write_back(const MapProblem& solved, double squared_cutoff, MapState* map);
 
 /// solve_bundle(), or the same by Ceres.
-BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
-/// minimise() a local problem and write it back, with the map as a whole where it was as by write_back(); the
+BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
+/// minimize() a local problem and write it back, with the map as a whole where it was as by write_back(); the
 /// map is untouched unless the report says usable.
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
                             const std::function<bool()>& should_stop);

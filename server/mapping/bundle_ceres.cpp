@@ -185,7 +185,7 @@ BundleReport solve_bundle_with_ceres(BundleProblem* problem, const BundleOptions
     StopCallback callback(&options.should_stop);
     const ceres::Solver::Summary summary =
         bundle.solve(squared_cutoff, options.function_tolerance, max_iterations, &callback);
-    MinimisationReport report;
+    MinimizationReport report;
     report.usable = summary.IsSolutionUsable();
     report.converged = summary.termination_type == ceres::CONVERGENCE;
     report.stopped = callback.stopped();

@@ -20,7 +20,7 @@ struct KeyframeSpacing {
 [[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const MapState& map,
                                                                    const KeyframeInput& input);
 
-/// Re-optimises the pose on the measurements, judges, and on acceptance adds the keyframe with its
+/// Re-optimizes the pose on the measurements, judges, and on acceptance adds the keyframe with its
 /// measurements, refined to sub-pixel, and with every other point of the map that is found in it.
 [[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
                                                   const KeyframeSpacing& spacing);

@@ -459,7 +459,7 @@ double MapMaker::reprojection_rms() const {
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {
   BundleProblem& bundle = problem->problem.bundle;
   if (bundle.free_cameras.empty()) {
-    problem->report = minimise(&bundle, global_options(should_stop), problem->adjuster);
+    problem->report = minimize(&bundle, global_options(should_stop), problem->adjuster);
   } else {
     problem->report = find_cameras(&bundle, global_options(should_stop));
   }

@@ -28,7 +28,7 @@
 /// one serial queue at a time.
 namespace cairn {
 
-/// Who minimises in bundle adjustment: our own solver, or Ceres, several times slower, as an independent
+/// Who minimizes in bundle adjustment: our own solver, or Ceres, several times slower, as an independent
 /// check (README.md).
 enum class Adjuster : uint8_t { kOwn, kCeres };
 
@@ -183,7 +183,7 @@ class MapMaker {
   /// Whether add_keyframe() would refuse a frame whatever its image shows: to be asked before that is
   /// decoded. Nothing: it takes the image to say. The image of `input` may be null.
   [[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const KeyframeInput& input) const;
-  /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe,
+  /// Judges a frame (re-optimizes its pose on its measurements first) and takes it in: keyframe,
   /// measurements of known points and points of its candidates are in the map on return, the rest is work
   /// for step(). Candidates that come while images are evicted are passed over. A few milliseconds.
   /// Refused as kFull while there is still room for the points of all keyframes taken before.

@@ -112,7 +112,7 @@ std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map, 
   return match_closer(view, cells, map, keyframe, run_prefilter(view, cells, map, keyframe));
 }
 
-SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map) {
+SE3 camera_of(const RelocalizationAnswer& answer, const MapSnapshot& map) {
   const PlaceCandidate& best = answer.candidates.front();
   return best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;
 }

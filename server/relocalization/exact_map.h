@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/image/place.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "server/mapping/test_scene.h"
 #include "server/relocalization/match.h"
 #include "server/relocalization/place_index.h"
@@ -54,7 +54,7 @@ class ExactMap {
                                                 size_t keyframe);
 
 /// The camera that an answer's best candidate says, in the map's frame.
-[[nodiscard]] SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map);
+[[nodiscard]] SE3 camera_of(const RelocalizationAnswer& answer, const MapSnapshot& map);
 
 /// Distance between two cameras, over the depth of the view.
 [[nodiscard]] double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map);

@@ -104,12 +104,13 @@ TEST(RelocalizerWithGravity, APlaceInWhichTheCameraIsHeldOtherwiseIsNoCandidate)
   PlaceIndex index;
   index.put(index_map(nullptr, exact.snapshot(), views));
   PlaceView view = describe_image(scene.render(Scene::pose(5), 100)->view());
-  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, PlaceVerdict::kConfirmed) << "it does not say";
+  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, RelocalizationVerdict::kConfirmed)
+      << "it does not say";
   view.up = turned(Scene::pose(5).rotation(), {-Eigen::Vector3d::UnitY(), kSigma});
-  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, PlaceVerdict::kConfirmed);
+  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, RelocalizationVerdict::kConfirmed);
   view.up->up = Eigen::AngleAxisd(20 * kDegree, Eigen::Vector3d::UnitZ()) * view.up->up;
-  const PlaceAnswer answer = relocalize(index, *scene.camera(), view);
-  EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+  const RelocalizationAnswer answer = relocalize(index, *scene.camera(), view);
+  EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
   ASSERT_FALSE(answer.candidates.empty());
   EXPECT_NE(answer.candidates.front().reason.find("held otherwise"), std::string::npos)
       << answer.candidates.front().reason;

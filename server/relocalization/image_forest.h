@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// The nearest of many compact images, by FLANN's randomised kd-trees (Muja and Lowe, PAMI 2014):
+/// The nearest of many compact images, by FLANN's randomized kd-trees (Muja and Lowe, PAMI 2014):
 /// approximate, so more are asked for than are wanted and compared exactly afterwards. Immutable; any number
 /// of threads may ask. The trees are drawn from the machine's entropy (FLANN 1.9.2 takes no seed), so what is
 /// left out differs from one planting to the next.

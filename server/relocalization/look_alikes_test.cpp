@@ -27,18 +27,19 @@ struct LookAlikes : ::testing::Test {
     return {.scene = &scene, .steps = {2, 4, 6}, .advance = kAdvance, .aside = aside};
   }
   static SE3 asked_from(int step) { return pose_at(step, kAdvance); }
-  static PlaceAnswer ask(const PlaceIndex& index, const Scene& scene, int step,
-                         const SearchScope& scope = {}) {
+  static RelocalizationAnswer ask(const PlaceIndex& index, const Scene& scene, int step,
+                                  const SearchScope& scope = {}) {
     const auto image = scene.render(asked_from(step), 200 + static_cast<uint64_t>(step));
     return relocalize(index, *scene.camera(), describe_image(image->view()), {}, scope);
   }
   /// Of the unmapped place the empty one explains all it has, and so does the full one in part: it is
   /// neither.
-  [[nodiscard]] PlaceAnswer expect_neither(const PlaceIndex& alone, const PlaceIndex& both, int step) const {
-    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
+  [[nodiscard]] RelocalizationAnswer expect_neither(const PlaceIndex& alone, const PlaceIndex& both,
+                                                    int step) const {
+    EXPECT_EQ(ask(alone, unmapped, step).verdict, RelocalizationVerdict::kConfirmed)
         << "nothing tells that what is seen is common";
-    PlaceAnswer neither = ask(both, unmapped, step);
-    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
+    RelocalizationAnswer neither = ask(both, unmapped, step);
+    EXPECT_EQ(neither.verdict, RelocalizationVerdict::kNotKnown);
     return neither;
   }
 
@@ -54,11 +55,11 @@ TEST_F(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
   both.put(ExactMap(2, {mapped(full)}).index());
   for (const int step : {3, 5}) {
     SCOPED_TRACE(step);
-    const PlaceAnswer neither = expect_neither(alone, both, step);
+    const RelocalizationAnswer neither = expect_neither(alone, both, step);
     EXPECT_NE(neither.reason.find("more than one place looks like this"), std::string::npos)
         << neither.reason;
-    const PlaceAnswer right = ask(both, empty, step);
-    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
+    const RelocalizationAnswer right = ask(both, empty, step);
+    ASSERT_EQ(right.verdict, RelocalizationVerdict::kConfirmed) << right.reason;
     EXPECT_EQ(right.candidates.front().map, empty_map.snapshot()->map);
   }
 }
@@ -72,10 +73,10 @@ TEST_F(LookAlikes, AMapOutOfScopeIsNobodysRival) {
   const SearchScope scope{.maps = MapSet({empty_map.snapshot()->map})};
   for (const int step : {3, 5}) {
     SCOPED_TRACE(step);
-    EXPECT_EQ(ask(both, unmapped, step).verdict, PlaceVerdict::kNotKnown);
-    const PlaceAnswer bounded = ask(both, unmapped, step, scope);
-    const PlaceAnswer told = ask(alone, unmapped, step);
-    ASSERT_EQ(bounded.verdict, PlaceVerdict::kConfirmed) << bounded.reason;
+    EXPECT_EQ(ask(both, unmapped, step).verdict, RelocalizationVerdict::kNotKnown);
+    const RelocalizationAnswer bounded = ask(both, unmapped, step, scope);
+    const RelocalizationAnswer told = ask(alone, unmapped, step);
+    ASSERT_EQ(bounded.verdict, RelocalizationVerdict::kConfirmed) << bounded.reason;
     ASSERT_EQ(bounded.candidates.size(), told.candidates.size()) << "as if the other were not there";
     EXPECT_EQ(bounded.candidates.front().keyframe, told.candidates.front().keyframe);
     EXPECT_EQ(bounded.candidates.front().inliers, told.candidates.front().inliers);
@@ -90,12 +91,12 @@ TEST_F(LookAlikes, NorDoesItWhereTheyAreInOneMap) {
   both.put(one_map.index());
   for (const int step : {3, 5}) {
     SCOPED_TRACE(step);
-    const PlaceAnswer neither = expect_neither(alone, both, step);
+    const RelocalizationAnswer neither = expect_neither(alone, both, step);
     EXPECT_TRUE(neither.reason.find("more than one place looks like this") != std::string::npos ||
                 neither.reason.find("agree with another pose in this map") != std::string::npos)
         << neither.reason;
-    const PlaceAnswer right = ask(both, empty, step);
-    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
+    const RelocalizationAnswer right = ask(both, empty, step);
+    ASSERT_EQ(right.verdict, RelocalizationVerdict::kConfirmed) << right.reason;
     EXPECT_LT(error_of(camera_of(right, *one_map.snapshot()), asked_from(step), *one_map.snapshot()), 0.01);
   }
 }
@@ -107,8 +108,8 @@ TEST(Overlap, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
   index.put(ExactMap(scene, 2, {2, 6, 10}).index());
   for (int step = 1; step < 10; step += 2) {
     const auto image = scene.render(Scene::pose(step), 300 + static_cast<uint64_t>(step));
-    const PlaceAnswer answer = relocalize(index, *scene.camera(), describe_image(image->view()));
-    EXPECT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << step << ": " << answer.reason;
+    const RelocalizationAnswer answer = relocalize(index, *scene.camera(), describe_image(image->view()));
+    EXPECT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << step << ": " << answer.reason;
   }
 }
 

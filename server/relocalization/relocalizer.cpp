@@ -334,14 +334,14 @@ class Inquiry {
   double most_similar_believed_ = -1;  ///< of those confirmed and not refused; -1: there is none
 };
 
-PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const TinyImage& tiny) {
-  PlaceAnswer result;
+RelocalizationAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const TinyImage& tiny) {
+  RelocalizationAnswer result;
   const Ranked nearest = find_nearest(index, tiny);
   if (nearest.map == nullptr) {
     result.reason = kNothingToCompare;
     return result;
   }
-  result.verdict = PlaceVerdict::kUnconfirmed;
+  result.verdict = RelocalizationVerdict::kUnconfirmed;
   result.candidates.push_back(guess(nearest, camera, tiny));
   result.reason = result.candidates.front().reason;
   return result;
@@ -349,15 +349,15 @@ PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const
 
 }  // namespace
 
-PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
-                       const RelocOptions& options, const SearchScope& scope) {
+RelocalizationAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
+                                const RelocOptions& options, const SearchScope& scope) {
   // From here on there are no other maps.
   if (!index.is_within(scope.maps))
     return relocalize(index.only(scope.maps), camera, view, options, {MapSet::all(), scope.first});
   const bool has_first = !scope.first.empty();
   const QueryImage query(TinyImage(view.small, kPlaceBlur));
   if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, query.tiny);
-  PlaceAnswer result;
+  RelocalizationAnswer result;
   Inquiry inquiry(camera, view, options);
   if (!has_first || !inquiry.search(index.only(MapSet(scope.first)), query)) inquiry.search(index, query);
   const bool is_any_confirmed = inquiry.is_any_confirmed();
@@ -365,7 +365,7 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   if (result.candidates.empty()) {
     result.reason = kNothingToCompare;
   } else if (result.candidates.front().confirmed) {
-    result.verdict = PlaceVerdict::kConfirmed;
+    result.verdict = RelocalizationVerdict::kConfirmed;
   } else if (is_any_confirmed) {
     result.reason = result.candidates.front().reason;
   } else {

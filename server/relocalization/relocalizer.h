@@ -7,7 +7,7 @@
 #include "common/geometry/camera.h"
 #include "common/image/place.h"
 #include "common/map/map_set.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/image_search.h"
 #include "server/relocalization/place_index.h"
@@ -19,7 +19,7 @@ namespace cairn {
 /// How keyframes are ranked and answers made.
 enum class RelocMethod : uint8_t {
   kPaper = 0,     ///< Castle et al. 2008: the one nearest tiny image, turned by ESM; nothing is confirmed
-  kImproved = 1,  ///< tiny images normalised for gain and words vote, geometry confirms
+  kImproved = 1,  ///< tiny images normalized for gain and words vote, geometry confirms
 };
 
 struct RelocOptions {
@@ -52,7 +52,8 @@ struct SearchScope {
 
 /// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =
 /// alike (kImproved).
-[[nodiscard]] PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
-                                     const RelocOptions& options = {}, const SearchScope& scope = {});
+[[nodiscard]] RelocalizationAnswer relocalize(const PlaceIndex& index, const Camera& camera,
+                                              const PlaceView& view, const RelocOptions& options = {},
+                                              const SearchScope& scope = {});
 
 }  // namespace cairn

@@ -9,7 +9,7 @@
 #include <tuple>
 
 #include "server/relocalization/exact_map.h"
-#include "server/relocalization/overlap_book.h"
+#include "server/relocalization/overlap_detector.h"
 #include "server/relocalization/votes.h"
 
 namespace cairn {
@@ -65,8 +65,8 @@ TEST_F(RelocalizerTest, AViewOfAMappedPlaceIsFoundInItsMapWithItsPose) {
     for (const auto& [scene, map] :
          {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
       const auto image = scene->render(Scene::pose(step), 100 + static_cast<uint64_t>(step));
-      const PlaceAnswer answer = relocalize(index_, *scene->camera(), describe_image(image->view()));
-      ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+      const RelocalizationAnswer answer = relocalize(index_, *scene->camera(), describe_image(image->view()));
+      ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
       EXPECT_EQ(answer.candidates.front().map, map->snapshot()->map);
       EXPECT_EQ(answer.candidates.front().epoch, Epoch{3});
       EXPECT_LT(error_of(camera_of(answer, *map->snapshot()), Scene::pose(step), *map->snapshot()), 0.01);
@@ -78,8 +78,9 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   const Scene elsewhere(13);
   for (const int step : {0, 3, 8}) {
     const auto image = elsewhere.render(Scene::pose(step), 1);
-    const PlaceAnswer answer = relocalize(index_, *elsewhere.camera(), describe_image(image->view()));
-    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown) << step;
+    const RelocalizationAnswer answer =
+        relocalize(index_, *elsewhere.camera(), describe_image(image->view()));
+    EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown) << step;
     EXPECT_FALSE(answer.reason.empty());
     for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
   }
@@ -167,11 +168,11 @@ TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt)
     const auto ask = [&](double share, const RelocOptions& options) {
       return relocalize(index_, *scene().camera(), describe_image(rearranged(image->view(), share)), options);
     };
-    EXPECT_EQ(ask(0.4, without).verdict, PlaceVerdict::kNotKnown) << "nothing else speaks for it";
-    const PlaceAnswer answer = ask(0.4, {});
-    ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+    EXPECT_EQ(ask(0.4, without).verdict, RelocalizationVerdict::kNotKnown) << "nothing else speaks for it";
+    const RelocalizationAnswer answer = ask(0.4, {});
+    ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
     EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(step), *map().snapshot()), 0.01);
-    EXPECT_EQ(ask(0.45, {}).verdict, PlaceVerdict::kNotKnown) << "what stands lies in one half";
+    EXPECT_EQ(ask(0.45, {}).verdict, RelocalizationVerdict::kNotKnown) << "what stands lies in one half";
   }
 }
 
@@ -254,9 +255,9 @@ TEST_F(RelocalizerTest, WhereFewCornersAgreeTheImageMustSpeakClearly) {
     const auto ask = [&](const PlaceView& view, const RelocOptions& options) {
       return relocalize(index_, *scene().camera(), view, options).verdict;
     };
-    EXPECT_EQ(ask(same, few_agree()), PlaceVerdict::kConfirmed);
-    EXPECT_EQ(ask(partly, {}), PlaceVerdict::kConfirmed) << "enough agree";
-    EXPECT_EQ(ask(partly, few_agree()), PlaceVerdict::kNotKnown);
+    EXPECT_EQ(ask(same, few_agree()), RelocalizationVerdict::kConfirmed);
+    EXPECT_EQ(ask(partly, {}), RelocalizationVerdict::kConfirmed) << "enough agree";
+    EXPECT_EQ(ask(partly, few_agree()), RelocalizationVerdict::kNotKnown);
   }
 }
 
@@ -315,8 +316,8 @@ TEST_F(RelocalizerTest, NeighboursOfAKeyframeWithWhichAFewCornersAgreeAreTried) 
     const ExactMap map(4, {{.scene = &scene(), .steps = {0, 2, 4, 6}, .shares = shares}});
     PlaceIndex index;
     index.put(map.index());
-    const PlaceAnswer answer = relocalize(index, *scene().camera(), view, how);
-    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+    const RelocalizationAnswer answer = relocalize(index, *scene().camera(), view, how);
+    EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
     return answer.reason.substr(0, answer.reason.find(" keyframes"));
   };
   EXPECT_EQ(tried(true, options), "none of the 4");
@@ -337,22 +338,24 @@ TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {
   const auto ask = [&](const Scene& scene, const SearchScope& scope, const RelocOptions& options = {}) {
     return relocalize(index_, *scene.camera(), view_of(scene), options, scope);
   };
-  const PlaceAnswer clear = ask(scene(), {.first = {here}});
-  ASSERT_EQ(clear.verdict, PlaceVerdict::kConfirmed) << clear.reason;
+  const RelocalizationAnswer clear = ask(scene(), {.first = {here}});
+  ASSERT_EQ(clear.verdict, RelocalizationVerdict::kConfirmed) << clear.reason;
   for (const PlaceCandidate& c : clear.candidates) EXPECT_EQ(c.map, here) << "clear: no other is tried";
-  const PlaceAnswer other = ask(places_->other_scene, {.first = {here}});
-  ASSERT_EQ(other.verdict, PlaceVerdict::kConfirmed) << "the others follow";
+  const RelocalizationAnswer other = ask(places_->other_scene, {.first = {here}});
+  ASSERT_EQ(other.verdict, RelocalizationVerdict::kConfirmed) << "the others follow";
   EXPECT_EQ(other.candidates.front().map, there);
   EXPECT_LE(other.candidates.size(), static_cast<size_t>(RelocOptions{}.shortlist));
 
   const auto within = [](std::vector<MapId> maps) { return SearchScope{.maps = MapSet(std::move(maps))}; };
-  EXPECT_EQ(ask(scene(), within({here})).verdict, PlaceVerdict::kConfirmed);
-  EXPECT_EQ(ask(places_->other_scene, within({here})).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(ask(scene(), within({here})).verdict, RelocalizationVerdict::kConfirmed);
+  EXPECT_EQ(ask(places_->other_scene, within({here})).verdict, RelocalizationVerdict::kNotKnown);
   EXPECT_EQ(ask(places_->other_scene, within({there, here})).candidates.front().map, there);
-  EXPECT_EQ(ask(scene(), within({MapId{{77}}})).verdict, PlaceVerdict::kNotKnown) << "a map that has gone";
-  const PlaceAnswer first_is_out = ask(places_->other_scene, {MapSet({here}), {there}});
-  EXPECT_EQ(first_is_out.verdict, PlaceVerdict::kNotKnown) << "what is first must be in the set all the same";
-  EXPECT_EQ(ask(scene(), {MapSet({here}), {there}}).verdict, PlaceVerdict::kConfirmed);
+  EXPECT_EQ(ask(scene(), within({MapId{{77}}})).verdict, RelocalizationVerdict::kNotKnown)
+      << "a map that has gone";
+  const RelocalizationAnswer first_is_out = ask(places_->other_scene, {MapSet({here}), {there}});
+  EXPECT_EQ(first_is_out.verdict, RelocalizationVerdict::kNotKnown)
+      << "what is first must be in the set all the same";
+  EXPECT_EQ(ask(scene(), {MapSet({here}), {there}}).verdict, RelocalizationVerdict::kConfirmed);
   RelocOptions paper;
   paper.method = RelocMethod::kPaper;
   EXPECT_EQ(ask(places_->other_scene, within({here}), paper).candidates.front().map, here);
@@ -364,9 +367,9 @@ TEST_F(RelocalizerTest, TheEmptyScopeIsNoMap) {
   RelocOptions paper;
   paper.method = RelocMethod::kPaper;
   for (const RelocOptions& options : {RelocOptions{}, paper}) {
-    const PlaceAnswer answer =
+    const RelocalizationAnswer answer =
         relocalize(index_, *scene().camera(), view, options, {.maps = MapSet(std::vector<MapId>())});
-    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+    EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
     EXPECT_TRUE(answer.candidates.empty());
   }
 }
@@ -384,8 +387,8 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
         lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * curved + bias), 0L, 255L));
       }
     }
-    const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
-    ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+    const RelocalizationAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
+    ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
     EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(2), *map().snapshot()), 0.01);
   }
 }
@@ -393,33 +396,34 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
 TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyImageKnowNothing) {
   const auto image = scene().render(Scene::pose(2), 5);
   const PlaceView view = describe_image(image->view());
-  EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, PlaceVerdict::kNotKnown);
-  EXPECT_EQ(relocalize(index_, *scene().camera(), {}).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, RelocalizationVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), {}).verdict, RelocalizationVerdict::kNotKnown);
   PlaceView blank = describe_image(GrayImage(image->width(), image->height()));
   EXPECT_TRUE(blank.corners.empty());
-  EXPECT_EQ(relocalize(index_, *scene().camera(), blank).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), blank).verdict, RelocalizationVerdict::kNotKnown);
 }
 
 TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
   RelocOptions paper;
   paper.method = RelocMethod::kPaper;
   const auto image = scene().render(Scene::pose(4), 5);
-  const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(image->view()), paper);
-  ASSERT_EQ(answer.verdict, PlaceVerdict::kUnconfirmed);
+  const RelocalizationAnswer answer =
+      relocalize(index_, *scene().camera(), describe_image(image->view()), paper);
+  ASSERT_EQ(answer.verdict, RelocalizationVerdict::kUnconfirmed);
   ASSERT_EQ(answer.candidates.size(), 1U);
   EXPECT_EQ(answer.candidates.front().map, map().snapshot()->map);
   EXPECT_EQ(answer.candidates.front().keyframe, KeyframeId{2});
   EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(4), *map().snapshot()), 0.02);
   const auto elsewhere = Scene(13).render(Scene::pose(0), 1);
   EXPECT_EQ(relocalize(index_, *scene().camera(), describe_image(elsewhere->view()), paper).verdict,
-            PlaceVerdict::kUnconfirmed);
+            RelocalizationVerdict::kUnconfirmed);
 }
 
 TEST_F(RelocalizerTest, EqualQueriesHaveEqualAnswers) {
   const auto image = scene().render(Scene::pose(3), 5);
   const PlaceView view = describe_image(image->view());
-  const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
-  const PlaceAnswer second = relocalize(index_, *scene().camera(), view);
+  const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view);
+  const RelocalizationAnswer second = relocalize(index_, *scene().camera(), view);
   ASSERT_EQ(first.candidates.size(), second.candidates.size());
   for (size_t i = 0; i < first.candidates.size(); ++i) {
     const SE3& a = first.candidates[i].camera_from_keyframe;
@@ -445,8 +449,8 @@ TEST_F(RelocalizerTest, TheOrderInWhichMapsCameDoesNotMatter) {
       EXPECT_EQ(votes[i].keyframe, same[i].keyframe);
       EXPECT_EQ(votes[i].map->snapshot->map, same[i].map->snapshot->map);
     }
-    const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
-    const PlaceAnswer second = relocalize(other_order, *scene().camera(), view);
+    const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view);
+    const RelocalizationAnswer second = relocalize(other_order, *scene().camera(), view);
     ASSERT_EQ(first.candidates.size(), second.candidates.size());
     EXPECT_EQ(first.candidates.front().camera_from_keyframe.translation(),
               second.candidates.front().camera_from_keyframe.translation());

@@ -46,13 +46,14 @@ class SearchBudgetTest : public ::testing::Test {
     options_.confirm.clear_agreeing = 10'000;  // nothing ends the search
   }
 
-  [[nodiscard]] PlaceAnswer ask(const std::vector<IndexedMapPtr>& maps, const SearchScope& scope = {}) const {
+  [[nodiscard]] RelocalizationAnswer ask(const std::vector<IndexedMapPtr>& maps,
+                                         const SearchScope& scope = {}) const {
     PlaceIndex index;
     for (const IndexedMapPtr& map : maps) index.put(map);
     return relocalize(index, *scene_->camera(), *view_, options_, scope);
   }
   /// Those at which a closer look was taken, and with which no pose was found or one that was refused.
-  [[nodiscard]] static ptrdiff_t decoys_tried(const PlaceAnswer& answer) {
+  [[nodiscard]] static ptrdiff_t decoys_tried(const RelocalizationAnswer& answer) {
     return std::ranges::count(answer.candidates, kDecoyMap,
                               [](const PlaceCandidate& c) { return c.map.bytes[0]; });
   }
@@ -66,33 +67,33 @@ class SearchBudgetTest : public ::testing::Test {
 };
 
 TEST_F(SearchBudgetTest, SixAreLookedAtWhereNothingIsConfirmed) {
-  const PlaceAnswer answer = ask({decoys_});
-  EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+  const RelocalizationAnswer answer = ask({decoys_});
+  EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
   EXPECT_EQ(decoys_tried(answer), 6) << answer.reason;
 }
 
 TEST_F(SearchBudgetTest, WhereAPlaceIsBelievedMoreOfItsRivalsAre) {
   options_.least_margin = options_.least_peculiar = kAlways;  // whatever they explain
-  const PlaceAnswer answer = ask({decoys_, right_});
-  ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+  const RelocalizationAnswer answer = ask({decoys_, right_});
+  ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
   EXPECT_EQ(answer.candidates.front().map.bytes[0], kRightMap);
   EXPECT_EQ(decoys_tried(answer), 6 + 3 - 1);
 }
 
 TEST_F(SearchBudgetTest, NotOfOneThatIsRejected) {
   options_.least_margin = kNever;
-  const PlaceAnswer answer = ask({decoys_, right_});
-  EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+  const RelocalizationAnswer answer = ask({decoys_, right_});
+  EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
   EXPECT_EQ(answer.candidates.front().map.bytes[0], kRightMap);
   EXPECT_EQ(decoys_tried(answer), 6 - 1);
 }
 
 TEST_F(SearchBudgetTest, WhatIsLeftOfTheMapsSearchedFirstTakesNoLookFromTheOthers) {
   options_.least_margin = options_.least_peculiar = kAlways;
-  const PlaceAnswer answer = ask({decoys_, right_from_afar_}, {.first = {decoys_->snapshot->map}});
-  ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+  const RelocalizationAnswer answer = ask({decoys_, right_from_afar_}, {.first = {decoys_->snapshot->map}});
+  ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
   EXPECT_EQ(answer.candidates.front().map.bytes[0], kRightMap);
-  EXPECT_EQ(ask({decoys_, right_from_afar_}).verdict, PlaceVerdict::kNotKnown)
+  EXPECT_EQ(ask({decoys_, right_from_afar_}).verdict, RelocalizationVerdict::kNotKnown)
       << "among as many as wait it would not be looked at";
 }
 

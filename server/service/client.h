@@ -102,7 +102,7 @@ struct Client {
     TrackingState state = TrackingState::kStarting;
     MapId map;
     float quality = 0;
-    bool is_proven = false;  ///< it is found in the map, which is there
+    bool is_verified = false;  ///< it is found in the map, which is there
     MonotonicTime at;
   };
   std::optional<Word> last_word;

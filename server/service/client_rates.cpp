@@ -9,7 +9,7 @@ namespace {
 // At once: all that a tracker has kept while it was without its server (SessionOptions::spool_limit), and
 // more.
 constexpr double kKeyframesAtOnce = 300;
-constexpr double kQuestionsAtOnce = 100;
+constexpr double kQueriesAtOnce = 100;
 // A state a frame, of cameras faster than there are and of recordings that are played as fast as can be.
 constexpr double kStates = 1000;
 constexpr double kStatesAtOnce = 2000;
@@ -27,7 +27,7 @@ constexpr double kRefusalsAtOnce = 20;
 ClientRates::ClientRates(const RateLimits& limits)
     : limits_(limits),
       taken_{TokenBucket(kStates, kStatesAtOnce), TokenBucket(kSeeds, kSeedsAtOnce),
-             TokenBucket(limits.keyframes, kKeyframesAtOnce), TokenBucket(limits.questions, kQuestionsAtOnce),
+             TokenBucket(limits.keyframes, kKeyframesAtOnce), TokenBucket(limits.queries, kQueriesAtOnce),
              TokenBucket(kRequests, kRequestsAtOnce)},
       refusals_(kRefusals, kRefusalsAtOnce) {}
 
@@ -43,10 +43,9 @@ std::string ClientRates::why(Kind kind) const {
     case Kind::kKeyframe:
       return fmt::format("too many keyframes: the server takes {:g} a second of one client (--keyframe-rate)",
                          limits_.keyframes);
-    case Kind::kQuestion:
-      return fmt::format(
-          "too many questions: the server answers {:g} a second of one client (--question-rate)",
-          limits_.questions);
+    case Kind::kQuery:
+      return fmt::format("too many queries: the server answers {:g} a second of one client (--question-rate)",
+                         limits_.queries);
     case Kind::kSeed:
       return fmt::format("too many maps begun: the server takes {:g} a second of one client", kSeeds);
     case Kind::kRequest:

@@ -14,7 +14,7 @@ namespace cairn {
 /// when they send all that they kept while they were cut off.
 struct RateLimits {
   double keyframes = 5;
-  double questions = 20;
+  double queries = 20;
 };
 
 /// Sees to it that a client which sends far more than any tracker does costs the server little: what is
@@ -22,7 +22,7 @@ struct RateLimits {
 /// sends again what is not answered. Used from one thread.
 class ClientRates {
  public:
-  enum class Kind : uint8_t { kState, kSeed, kKeyframe, kQuestion, kRequest };
+  enum class Kind : uint8_t { kState, kSeed, kKeyframe, kQuery, kRequest };
   enum class Judgement : uint8_t { kTake, kRefuse, kPassOver };
 
   explicit ClientRates(const RateLimits& limits);

@@ -47,7 +47,7 @@ TEST(ClientRatesTest, ATrackerIsNeverRefusedAlsoWhenItComesBackWithAllItKept) {
       ASSERT_EQ(rates.judge(Kind::kKeyframe, now), Judgement::kTake);
     }
     if (frame % 6 == 0) {
-      ASSERT_EQ(rates.judge(Kind::kQuestion, now), Judgement::kTake);
+      ASSERT_EQ(rates.judge(Kind::kQuery, now), Judgement::kTake);
     }
   }
 }
@@ -63,7 +63,7 @@ TEST(ClientRatesTest, WhoSendsAHundredTimesAsMuchIsToldWhyAndMostlyPassedOver) {
   EXPECT_GE(count[Judgement::kRefuse], kSeconds);
   EXPECT_LE(count[Judgement::kRefuse], 20 + 10 * kSeconds);
   EXPECT_GT(count[Judgement::kPassOver], kSeconds * 200);
-  EXPECT_EQ(rates.judge(Kind::kQuestion, kStart + seconds(60)), Judgement::kTake) << "of another kind";
+  EXPECT_EQ(rates.judge(Kind::kQuery, kStart + seconds(60)), Judgement::kTake) << "of another kind";
   EXPECT_THAT(rates.why(Kind::kKeyframe), HasSubstr("takes 5 a second of one client (--keyframe-rate)"));
 }
 
@@ -75,8 +75,8 @@ TEST(ClientRatesTest, AllThatATrackerKeptWhileItWasCutOffIsTakenAtOnce) {
 
 TEST(ClientRatesTest, AReplayInLockstepDoesNotGoByTheClock) {
   ClientRates rates({});
-  for (int i = 0; i < 10'000; ++i) ASSERT_EQ(rates.judge(Kind::kQuestion, kStart, true), Judgement::kTake);
-  EXPECT_EQ(rates.judge(Kind::kQuestion, kStart), Judgement::kTake) << "nor does it use up what others have";
+  for (int i = 0; i < 10'000; ++i) ASSERT_EQ(rates.judge(Kind::kQuery, kStart, true), Judgement::kTake);
+  EXPECT_EQ(rates.judge(Kind::kQuery, kStart), Judgement::kTake) << "nor does it use up what others have";
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 #include "common/image/corners.h"
 #include "common/image/place.h"
 #include "server/service/map_runner.h"
-#include "server/service/place_desk.h"
+#include "server/service/relocalization_runner.h"
 #include "server/service/store_threads.h"
 #include "server/service/system_clock.h"
 #include "server/service/worker_pool.h"
@@ -51,7 +51,7 @@ inline wire::ImageMessage raw(const GrayImage& image) {
 }
 
 /// Where a view of the scene was taken, by what a tracker would send of it.
-inline PlaceQuery question(const CameraPtr& camera, const GrayImage& image) {
+inline RelocalizationQuery query(const CameraPtr& camera, const GrayImage& image) {
   constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
   Pyramid pyramid;
   pyramid.build(image.view());

@@ -54,7 +54,7 @@ void LabelAdministration::edit(const Principal& who, const MapEntry& entry, cons
   if (entry.labels.is_busy(wish.label))
     return answer(refusal(ErrorCode::kRefused, which + " is being changed by another; try again"));
   const auto done = [name = entry.name, which, before = *before,
-                     answer](const LabelBook::Judgement& judgement) {
+                     answer](const LabelRegistry::Judgement& judgement) {
     if (judgement.decision != wire::RequestDecision::kDone)
       return answer(refusal(error_of(judgement.decision), which + ": " + judgement.reason));
     answer(told::LabelSeen{name, judgement.changed ? label_of(*judgement.changed) : before});

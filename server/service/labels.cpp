@@ -8,7 +8,7 @@ namespace {
 
 /// Why it is not allowed; empty when it is. Who may only add may also change what is his own.
 std::string why_not_allowed(const Ruling& ruling, const wire::ClientRequest& request, const Principal& author,
-                            const LabelBook& labels) {
+                            const LabelRegistry& labels) {
   if (ruling.right < Right::kAdd) return ruling.reason;
   if (ruling.right >= Right::kWrite || request.action == wire::RequestAction::kAddLabel) return {};
   const std::optional<Label> label = labels.find(request.label);
@@ -52,13 +52,13 @@ void Labels::take(const Principal& who, const wire::ClientRequest& request) {
   decision.seq = request.command.seq;
   decision.kind = CommandKind::kRequest;
   change(request, client.principal(), std::move(decision),
-         [this, name = client.name, request](const LabelBook::Judgement& judgement) {
+         [this, name = client.name, request](const LabelRegistry::Judgement& judgement) {
            on_decided(name, request, judgement);
          });
 }
 
 void Labels::on_decided(const std::string& client_name, const wire::ClientRequest& request,
-                        const LabelBook::Judgement& judgement) {
+                        const LabelRegistry::Judgement& judgement) {
   context_.log->debug("{}: request {}: label {} {}", client_name, request.command.seq, judgement.label.value,
                       judgement.reason);
   Client* client = clients_.find(client_name);
@@ -68,10 +68,10 @@ void Labels::on_decided(const std::string& client_name, const wire::ClientReques
   clients_.write_verdicts(*client);
 }
 
-std::optional<LabelBook::Judgement> Labels::refuse(const wire::ClientRequest& request,
-                                                   const Principal& author, const MapEntry* entry) const {
+std::optional<LabelRegistry::Judgement> Labels::refuse(const wire::ClientRequest& request,
+                                                       const Principal& author, const MapEntry* entry) const {
   const auto because = [&](wire::RequestDecision decision, std::string why) {
-    return LabelBook::Judgement{decision, std::move(why), request.label, {}};
+    return LabelRegistry::Judgement{decision, std::move(why), request.label, {}};
   };
   const Ruling ruling = ruling_on_labels(context_.access(), author, request.map);
   if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone)
@@ -92,12 +92,12 @@ void Labels::change(const wire::ClientRequest& request, const Principal& author,
                     std::optional<DecisionRecord> decision, const Done& done) {
   MapEntry* entry = maps_.array().find(request.map);
   if (const auto refused = refuse(request, author, entry)) return done(*refused);
-  const LabelBook::Judgement judged =
+  const LabelRegistry::Judgement judged =
       entry->labels.judge(request, author.name, context_.wall(), *entry->snapshot);
   if (judged.decision != wire::RequestDecision::kDone) return done(judged);
   maps_.young().forget(request.map);
   const auto settle = [this, map = request.map, judged, done](const Status& kept) {
-    LabelBook::Judgement word = judged;
+    LabelRegistry::Judgement word = judged;
     if (!kept) {
       word.decision = wire::RequestDecision::kFull;
       word.reason = kept.error().message;
@@ -112,7 +112,7 @@ void Labels::change(const wire::ClientRequest& request, const Principal& author,
   keep(request.map, judged, std::move(decision), settle);
 }
 
-void Labels::keep(MapId map, const LabelBook::Judgement& judged, std::optional<DecisionRecord> decision,
+void Labels::keep(MapId map, const LabelRegistry::Judgement& judged, std::optional<DecisionRecord> decision,
                   std::function<void(const Status& kept)> settle) {
   MapUpdate update;
   if (judged.changed) {
@@ -141,7 +141,7 @@ void Labels::tell(MapId map, const MapEntry& entry, LabelId id) {
 }
 
 void Labels::follow(MapId map, MapEntry& entry) {
-  LabelBook::Moves moves = entry.labels.follow(*entry.snapshot);
+  LabelRegistry::Moves moves = entry.labels.follow(*entry.snapshot);
   for (const LabelId label : moves.moved) tell(map, entry, label);
   if (moves.anchored.empty() || context_.store == nullptr || entry.rolling_back) return;
   MapUpdate update;

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "server/service/label_book.h"
+#include "server/service/label_registry.h"
 #include "server/service/sessions.h"
 
 namespace cairn {
@@ -14,7 +14,7 @@ namespace cairn {
 /// thread.
 class Labels {
  public:
-  using Done = std::function<void(const LabelBook::Judgement& judgement)>;
+  using Done = std::function<void(const LabelRegistry::Judgement& judgement)>;
 
   Labels(const ServiceContext& context, Clients& clients, const Sessions& sessions, ServedMaps& maps)
       : context_(context), clients_(clients), sessions_(sessions), maps_(maps) {}
@@ -34,12 +34,12 @@ class Labels {
 
  private:
   void on_decided(const std::string& client_name, const wire::ClientRequest& request,
-                  const LabelBook::Judgement& judgement);
+                  const LabelRegistry::Judgement& judgement);
   /// Why nothing comes of a request; nothing: it is to be judged.
-  [[nodiscard]] std::optional<LabelBook::Judgement> refuse(const wire::ClientRequest& request,
-                                                           const Principal& author,
-                                                           const MapEntry* entry) const;
-  void keep(MapId map, const LabelBook::Judgement& judged, std::optional<DecisionRecord> decision,
+  [[nodiscard]] std::optional<LabelRegistry::Judgement> refuse(const wire::ClientRequest& request,
+                                                               const Principal& author,
+                                                               const MapEntry* entry) const;
+  void keep(MapId map, const LabelRegistry::Judgement& judged, std::optional<DecisionRecord> decision,
             std::function<void(const Status& kept)> settle);
 
   const ServiceContext& context_;

@@ -14,7 +14,7 @@
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
 #include "server/access/rights.h"
-#include "server/service/label_book.h"
+#include "server/service/label_registry.h"
 #include "server/service/map_names.h"
 #include "server/service/map_runner.h"
 
@@ -42,7 +42,7 @@ struct MapEntry {
   MapSnapshotPtr snapshot;            ///< null while its seed is being judged or kept
   MapStatistics statistics;
   bool plane_aligned = false;
-  LabelBook labels{};
+  LabelRegistry labels{};
   bool seeding = false;                        ///< its seed has not been decided: nobody sees it
   std::optional<MapRevision> undecided = {};   ///< its newest revision, while seeding
   std::string frozen = {};                     ///< why it takes nothing any more; empty: it does

@@ -73,43 +73,43 @@ TEST_F(IdleMapTest, IsFoundAndPosesAreAsBefore) {
   const auto map = start_map();
   grow(map.get(), 5);
   grow(map.get(), 8);
-  WorkerPool questions(1, 0, null_logger());
-  const auto desk =
-      std::make_shared<PlaceDesk>(PlaceDesk::Executors{urgent_, questions, background_}, RelocOptions{},
-                                  std::make_shared<SystemClock>(), null_logger());
+  WorkerPool queries(1, 0, null_logger());
+  const auto runner =
+      std::make_shared<RelocalizationRunner>(RelocalizationRunner::Executors{urgent_, queries, background_},
+                                             RelocOptions{}, std::make_shared<SystemClock>(), null_logger());
   const auto report = [&] {
     MapRevision now = map->newest();
-    desk->report(now.snapshot, std::move(now.views), std::move(now.indexed));
+    runner->report(now.snapshot, std::move(now.views), std::move(now.indexed));
   };
   const auto image = scene_.render(testing::Scene::pose(6), 6);
   const auto ask = [&] {
-    return answer_to<PlaceAnswer>(
-        [&](auto done) { desk->ask(question(scene_.camera(), *image), std::move(done)); });
+    return answer_to<RelocalizationAnswer>(
+        [&](auto done) { runner->ask(query(scene_.camera(), *image), std::move(done)); });
   };
   report();
-  const PlaceAnswer resident = ask();
+  const RelocalizationAnswer resident = ask();
   ASSERT_TRUE(has_place(resident.verdict)) << resident.reason;
   map->evict();
   ASSERT_TRUE(answer_to<Status>([&](auto done) { map->runner().rename("bench", done); }));
   report();  // a revision without images
   const auto expect_found = [&] {
-    const PlaceAnswer evicted = ask();
+    const RelocalizationAnswer evicted = ask();
     ASSERT_TRUE(has_place(evicted.verdict)) << evicted.reason;
     const PlaceCandidate& best = evicted.candidates.front();
     EXPECT_EQ(best.map, map->id());
     EXPECT_EQ(best.keyframe, resident.candidates.front().keyframe);
     EXPECT_GT(2 * best.inliers, resident.candidates.front().inliers);
-    EXPECT_EQ(desk->index()->find(map->id())->snapshot, map->newest().snapshot);
+    EXPECT_EQ(runner->index()->find(map->id())->snapshot, map->newest().snapshot);
   };
   expect_found();
-  desk->remove(map->id());
+  runner->remove(map->id());
   EXPECT_FALSE(has_place(ask().verdict));
   map->evict();
   map->restart();  // and indexed from what the file says
   EXPECT_EQ(map->without_images(), 4U);
   report();
   expect_found();
-  questions.stop();
+  queries.stop();
 }
 
 TEST_F(IdleMapTest, OnlyWhatIsDoneKeptAndIndexedIsEvicted) {

@@ -37,7 +37,7 @@ MapService::MapService(const MapServiceOptions& options, Executors executors, Ma
       store_administration_(context_, maps_.array(), archives_),
       site_administration_(context_, maps_, clients_, news_),
       label_administration_(labels_),
-      proposal_administration_(context_, maps_, capacity_, proposals_.book()),
+      proposal_administration_(context_, maps_, capacity_, proposals_.registry()),
       operators_(context_, maps_,
                  {overview_, sessions_, rigs_, site_administration_, map_administration_, archives_,
                   versions_, label_administration_, proposal_administration_, store_administration_}),
@@ -51,7 +51,7 @@ MapService::MapService(const MapServiceOptions& options, Executors executors, Ma
 void MapService::listen() {
   clients_.listen([this](const std::string& name) { sessions_.left(name); });
   maps_.listen({[this](ResumedMap& map) {
-                  proposals_.book().restore(map.header.id, std::move(map.proposals), map.last_proposal);
+                  proposals_.registry().restore(map.header.id, std::move(map.proposals), map.last_proposal);
                 },
                 [this](MapId map, MapEntry& entry, MapRevision revision) {
                   on_map_shown(map, entry, std::move(revision));
@@ -106,7 +106,7 @@ void MapService::on_map_shown(MapId map, MapEntry& entry, MapRevision revision) 
 }
 
 void MapService::on_map_gone(MapId map, bool was_shown) {
-  proposals_.book().forget(map);
+  proposals_.registry().forget(map);
   if (!was_shown) return;
   places_.remove(map);
   context_.output.ended(map);

@@ -61,7 +61,7 @@ class MapService {
   /// Whether it counts: another live process may hold the name.
   bool take(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
             const wire::TrackerStateMessage& state);
-  /// Commands and questions, of the process that holds the name; of others they are passed over.
+  /// Commands and queries, of the process that holds the name; of others they are passed over.
   void take(const Principal& who, wire::MapSeed seed);
   void take(const Principal& who, wire::KeyframeOffer offer);
   void take(const Principal& who, wire::RelocQuery query);

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "server/relocalization/overlap_book.h"
+#include "server/relocalization/overlap_detector.h"
 #include "server/store/overlap_record.h"
 
 namespace cairn {

@@ -69,8 +69,8 @@ std::optional<KeyframeView> OverlapWatch::take_waiting(const MapId& map) {
       waiting->second.pop_front();
     }
   }
-  for (const MapId& id : removed) book_.remove(id);
-  for (const auto& [_, indexed] : searched) book_.note_searched(*indexed);
+  for (const MapId& id : removed) detector_.remove(id);
+  for (const auto& [_, indexed] : searched) detector_.note_searched(*indexed);
   return keyframe;
 }
 
@@ -83,7 +83,7 @@ void OverlapWatch::check(const MapId& map) {
 }
 
 bool OverlapWatch::look_up(const MapId& map, const KeyframeView& keyframe) {
-  const uint64_t time = book_.now();
+  const uint64_t time = detector_.now();
   const auto index = index_();
   PlaceIndex others = *index;
   others.remove(map);
@@ -93,7 +93,8 @@ bool OverlapWatch::look_up(const MapId& map, const KeyframeView& keyframe) {
   for (const PlaceCandidate& place : found)
     log_->debug("keyframe {} of map {} is in map {} as well, near its keyframe {}", keyframe.id.value,
                 to_hex(map.bytes), to_hex(place.map.bytes), place.keyframe.value);
-  for (const Overlap& overlap : book_.note_answer(map, keyframe.id, time, found, *index)) listener_(overlap);
+  for (const Overlap& overlap : detector_.note_answer(map, keyframe.id, time, found, *index))
+    listener_(overlap);
   return true;
 }
 

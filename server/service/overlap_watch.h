@@ -11,7 +11,7 @@
 #include <span>
 
 #include "common/base/log.h"
-#include "server/relocalization/overlap_book.h"
+#include "server/relocalization/overlap_detector.h"
 #include "server/service/executor.h"
 #include "server/service/work_times.h"
 
@@ -36,7 +36,7 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   void remove(const MapId& map);
 
  private:
-  /// The keyframe of the map that has waited longest, if one does, with the book brought up to date.
+  /// The keyframe of the map that has waited longest, if one does, with the detector brought up to date.
   [[nodiscard]] std::optional<KeyframeView> take_waiting(const MapId& map);
   void check(const MapId& map);
   /// False: there is no other map.
@@ -49,8 +49,8 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   Logger log_;
   WorkTimes* times_;
 
-  std::mutex checking_;  ///< one at a time; before mutex_
-  OverlapBook book_;     ///< under checking_
+  std::mutex checking_;       ///< one at a time; before mutex_
+  OverlapDetector detector_;  ///< under checking_
 
   std::mutex mutex_;                                   ///< of what follows; held for moments
   std::set<MapId> removed_;                            ///< since the last check, before what is searched_

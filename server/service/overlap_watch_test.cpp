@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When keyframes are asked about; what comes of the answers: server/relocalization/overlap_book_test.
+// When keyframes are asked about; what comes of the answers: server/relocalization/overlap_detector_test.
 #include "server/service/overlap_watch.h"
 
 #include <gtest/gtest.h>

@@ -108,7 +108,7 @@ size_t Overview::count_in(MapId map) const {
   const MonotonicTime now = context_.now();
   return static_cast<size_t>(std::ranges::count_if(clients_.all(), [&](const auto& known) {
     const std::optional<Client::Word>& word = known.second.last_word;
-    return known.second.connected && word && word->is_proven && word->map == map && is_fresh(*word, now);
+    return known.second.connected && word && word->is_verified && word->map == map && is_fresh(*word, now);
   }));
 }
 

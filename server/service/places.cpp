@@ -13,7 +13,7 @@ namespace cairn {
 namespace {
 
 /// Of the candidate answered or, where none is believed, of the one that came nearest to it.
-std::string describe(const PlaceAnswer& answer) {
+std::string describe(const RelocalizationAnswer& answer) {
   if (answer.candidates.empty()) return answer.reason;
   const PlaceCandidate& best =
       !has_place(answer.verdict)
@@ -26,14 +26,15 @@ std::string describe(const PlaceAnswer& answer) {
 }
 
 /// Of an answer, what is not of these maps.
-void leave_out_others(const MapSet& maps, PlaceAnswer* answer) {
+void leave_out_others(const MapSet& maps, RelocalizationAnswer* answer) {
   const size_t found = answer->candidates.size();
   std::erase_if(answer->candidates, [&](const PlaceCandidate& place) { return !maps.contains(place.map); });
   const bool has_any = std::any_of(answer->candidates.begin(), answer->candidates.end(),
                                    [](const PlaceCandidate& place) { return place.confirmed; });
-  if (answer->candidates.size() == found || (has_any && answer->verdict == PlaceVerdict::kConfirmed)) return;
-  // Whether one of the others would have been found instead, the next question says.
-  *answer = {PlaceVerdict::kNotThere, {}, "the maps that count have changed meanwhile; ask again"};
+  if (answer->candidates.size() == found || (has_any && answer->verdict == RelocalizationVerdict::kConfirmed))
+    return;
+  // Whether one of the others would have been found instead, the next query says.
+  *answer = {RelocalizationVerdict::kNotThere, {}, "the maps that count have changed meanwhile; ask again"};
 }
 
 }  // namespace
@@ -43,31 +44,31 @@ Places::Places(const ServiceContext& context, Clients& clients, Sessions& sessio
       clients_(clients),
       sessions_(sessions),
       maps_(maps),
-      desk_(std::make_shared<PlaceDesk>(
-          PlaceDesk::Executors{context.executors.urgent, context.executors.questions,
-                               context.executors.background},
+      runner_(std::make_shared<RelocalizationRunner>(
+          RelocalizationRunner::Executors{context.executors.urgent, context.executors.queries,
+                                          context.executors.background},
           context.options.relocalization, context.options.clock, context.log, context.options.work_times)) {
   if (context_.store != nullptr) overlaps_.restore(context_.store->at_start().overlaps);
   watch_for_overlaps();
 }
 
 void Places::watch_for_overlaps() {
-  const auto index = [places = std::weak_ptr(desk_)] {
-    const auto desk = places.lock();
-    return desk ? desk->index() : std::make_shared<const PlaceIndex>();
+  const auto index = [places = std::weak_ptr(runner_)] {
+    const auto runner = places.lock();
+    return runner ? runner->index() : std::make_shared<const PlaceIndex>();
   };
   const auto tell = [this](const Overlap& overlap) {
     context_.post([this, overlap] { on_overlap(overlap); });
   };
   const auto watch = std::make_shared<OverlapWatch>(context_.executors.idle, context_.options.relocalization,
                                                     index, tell, context_.log, context_.options.work_times);
-  desk_->listen({[watch](const auto& map, auto views) { watch->note_searched(map, views); },
-                 [watch](const MapId& map) { watch->remove(map); }});
+  runner_->listen({[watch](const auto& map, auto views) { watch->note_searched(map, views); },
+                   [watch](const MapId& map) { watch->remove(map); }});
 }
 
 void Places::note_revised(MapRevision revision) {
-  desk_->report(std::move(revision.snapshot), std::move(revision.views), std::move(revision.indexed),
-                std::move(revision.offered));
+  runner_->report(std::move(revision.snapshot), std::move(revision.views), std::move(revision.indexed),
+                  std::move(revision.offered));
 }
 
 void Places::on_overlap(const Overlap& overlap) {
@@ -108,7 +109,7 @@ CameraPtr Places::best_known(const Client& client, uint32_t camera, const Announ
 }
 
 void Places::refuse(const Client& client, wire::CommandId command, std::string why) {
-  on_answered(client.name, command, {PlaceVerdict::kNotThere, {}, std::move(why)});
+  on_answered(client.name, command, {RelocalizationVerdict::kNotThere, {}, std::move(why)});
 }
 
 void Places::take(const Principal& who, wire::RelocQuery message) {
@@ -116,10 +117,10 @@ void Places::take(const Principal& who, wire::RelocQuery message) {
   const wire::CommandId command = message.command;
   if (!sessions_.holds(client, command.session) || client.query_in_work) return;
   if (sessions_.refuses_lockstep(client, message.lockstep)) return;
-  const auto rate = client.rates.judge(ClientRates::Kind::kQuestion, context_.now(), message.lockstep);
+  const auto rate = client.rates.judge(ClientRates::Kind::kQuery, context_.now(), message.lockstep);
   if (rate == ClientRates::Judgement::kPassOver) return;
   if (rate == ClientRates::Judgement::kRefuse)
-    return refuse(client, command, client.rates.why(ClientRates::Kind::kQuestion));
+    return refuse(client, command, client.rates.why(ClientRates::Kind::kQuery));
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
   if (announced == nullptr && may_yet_come(client, context_.now())) return;  // it will be asked again
   if (announced == nullptr)
@@ -128,14 +129,14 @@ void Places::take(const Principal& who, wire::RelocQuery message) {
   client.query_in_work = true;
   const WearerRule::Search search =
       sessions_.wearers().search(client.name, maps_.readable_by(client.principal()), context_.now());
-  context_.executors.questions.submit([this, name = client.name, command,
-                                       camera = best_known(client, message.camera, *announced),
-                                       message = std::move(message), search]() mutable {
+  context_.executors.queries.submit([this, name = client.name, command,
+                                     camera = best_known(client, message.camera, *announced),
+                                     message = std::move(message), search]() mutable {
     try {
       look_up(name, camera, std::move(message), search);
     } catch (const std::exception& problem) {  // memory, a library
       context_.post([this, name, command, why = std::string("internal error: ") + problem.what()] {
-        on_answered(name, command, {PlaceVerdict::kNotThere, {}, why});
+        on_answered(name, command, {RelocalizationVerdict::kNotThere, {}, why});
       });
     }
   });
@@ -143,7 +144,8 @@ void Places::take(const Principal& who, wire::RelocQuery message) {
 
 void Places::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
                      const WearerRule::Search& search) {
-  const auto done = [this, client, command = message.command, in_part = search.in_part](PlaceAnswer answer) {
+  const auto done = [this, client, command = message.command,
+                     in_part = search.in_part](RelocalizationAnswer answer) {
     context_.post([this, client, command, in_part, answer = std::move(answer)]() mutable {
       const Client* asking = clients_.find(client);
       if (asking == nullptr) return;
@@ -156,18 +158,19 @@ void Places::look_up(const std::string& client, const CameraPtr& camera, wire::R
     });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);
-  if (!small) return done({PlaceVerdict::kNotThere, {}, small.error().message});
-  PlaceQuery query;
+  if (!small) return done({RelocalizationVerdict::kNotThere, {}, small.error().message});
+  RelocalizationQuery query;
   query.camera = camera;
   query.view.small.assign(**small);
   query.view.corners = std::move(message.corners);
   query.view.up = message.up;
   query.scope = search.scope;
   query.lockstep = message.lockstep;
-  desk_->ask(std::move(query), done);
+  runner_->ask(std::move(query), done);
 }
 
-void Places::on_answered(const std::string& client_name, wire::CommandId command, const PlaceAnswer& answer) {
+void Places::on_answered(const std::string& client_name, wire::CommandId command,
+                         const RelocalizationAnswer& answer) {
   Client* client = clients_.find(client_name);
   if (client == nullptr) return;
   client->query_in_work = false;

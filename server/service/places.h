@@ -7,12 +7,12 @@
 
 #include "server/service/overlap_list.h"
 #include "server/service/overlap_watch.h"
-#include "server/service/place_desk.h"
+#include "server/service/relocalization_runner.h"
 #include "server/service/sessions.h"
 
 namespace cairn {
 
-/// Where this is: the questions of clients, on their way to the place index and back, and which maps show the
+/// Where this is: the queries of clients, on their way to the place index and back, and which maps show the
 /// same place. Used from the service's thread.
 class Places {
  public:
@@ -20,14 +20,14 @@ class Places {
   Places(const Places&) = delete;
   Places& operator=(const Places&) = delete;
 
-  /// A question, of the process that holds the name; of others it is passed over.
+  /// A query, of the process that holds the name; of others it is passed over.
   void take(const Principal& who, wire::RelocQuery message);
   /// A map has another revision.
   void note_revised(MapRevision revision);
   /// A map is not there any more; its overlaps stay known, since it may come back.
-  void remove(MapId map) { desk_->remove(map); }
-  /// As a question would be answered with now.
-  [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const { return desk_->index(); }
+  void remove(MapId map) { runner_->remove(map); }
+  /// As a query would be answered with now.
+  [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const { return runner_->index(); }
 
   /// Maps that show what is in this one, those with most keyframes first.
   [[nodiscard]] std::vector<OverlapList::Neighbour> overlaps_of(MapId map) const { return overlaps_.of(map); }
@@ -42,17 +42,18 @@ class Places {
   /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
   [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
                                      const AnnouncedCamera& announced) const;
-  /// On a worker of the questions.
+  /// On a worker of the queries.
   void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
                const WearerRule::Search& search);
-  void on_answered(const std::string& client_name, wire::CommandId command, const PlaceAnswer& answer);
+  void on_answered(const std::string& client_name, wire::CommandId command,
+                   const RelocalizationAnswer& answer);
   void refuse(const Client& client, wire::CommandId command, std::string why);
 
   const ServiceContext& context_;
   Clients& clients_;
   Sessions& sessions_;
   const ServedMaps& maps_;
-  std::shared_ptr<PlaceDesk> desk_;
+  std::shared_ptr<RelocalizationRunner> runner_;
   OverlapList overlaps_;
   MonotonicTime overlaps_wait_until_ = {};  ///< before, they are not written: the disk would not have them
 };

@@ -40,7 +40,7 @@ std::optional<ProposalAdministration::Named> ProposalAdministration::find(const 
                                                                           const AdminAnswer& answer) const {
   for (const auto& [map, entry] : maps_.array().all()) {
     if (entry.snapshot == nullptr) continue;
-    for (const auto& [number, proposal] : book_.of(map))
+    for (const auto& [number, proposal] : registry_.of(map))
       if (proposal_id(map, number) == id) return Named{map, number};
   }
   answer(refusal(ErrorCode::kNotFound,
@@ -54,7 +54,7 @@ void ProposalAdministration::take(const asked::Proposals& ask, const AdminAnswer
   for (const auto& [map, entry] : maps_.array().all()) {
     const std::string id = to_hex(map.bytes);
     if (entry.snapshot == nullptr || (!ask.map.empty() && ask.map != entry.name && ask.map != id)) continue;
-    for (const auto& [number, proposal] : book_.of(map)) {
+    for (const auto& [number, proposal] : registry_.of(map)) {
       const bool is_of_other = !ask.client.empty() && ask.client != proposal.client;
       if (std::pair(id, number) <= after || is_of_other) continue;
       page.proposals.push_back({proposal_id(map, number), map, entry.name, proposal});
@@ -118,7 +118,7 @@ void ProposalAdministration::drop(const Named& which, const AdminAnswer& answer)
   context_.store->write(which.map, std::move(update), [this, which, answer](const Status& written) {
     context_.post([this, which, answer, written] {
       if (!written) return answer(refusal(written.error()));
-      book_.remove(which.map, which.number);
+      registry_.remove(which.map, which.number);
       answer(told::DroppedProposal{proposal_id(which.map, which.number)});
     });
   });
@@ -167,7 +167,7 @@ void ProposalAdministration::on_decided(const Named& which, const std::string& c
                                         const AdminAnswer& answer) {
   const std::string id = proposal_id(which.map, which.number);
   if (judgement.decision == wire::OfferDecision::kAccepted) {
-    book_.remove(which.map, which.number);
+    registry_.remove(which.map, which.number);
     maps_.young().forget(which.map);
     context_.log->info("proposal {} of {} is keyframe {} of its map", id, client, judgement.keyframe.value);
     return answer(told::AcceptedProposal{id, which.map, client, judgement.keyframe});

@@ -8,7 +8,7 @@
 #include "server/service/admin_request.h"
 #include "server/service/capacity.h"
 #include "server/service/operator_answer.h"
-#include "server/service/proposal_book.h"
+#include "server/service/proposal_registry.h"
 #include "server/service/served_maps.h"
 
 namespace cairn {
@@ -18,8 +18,8 @@ namespace cairn {
 class ProposalAdministration {
  public:
   ProposalAdministration(const ServiceContext& context, ServedMaps& maps, const Capacity& capacity,
-                         ProposalBook& book)
-      : context_(context), maps_(maps), capacity_(capacity), book_(book) {}
+                         ProposalRegistry& registry)
+      : context_(context), maps_(maps), capacity_(capacity), registry_(registry) {}
   ProposalAdministration(const ProposalAdministration&) = delete;
   ProposalAdministration& operator=(const ProposalAdministration&) = delete;
 
@@ -48,7 +48,7 @@ class ProposalAdministration {
   const ServiceContext& context_;
   ServedMaps& maps_;
   const Capacity& capacity_;
-  ProposalBook& book_;
+  ProposalRegistry& registry_;
 };
 
 }  // namespace cairn

@@ -39,7 +39,7 @@ std::optional<std::pair<wire::OfferDecision, std::string>> Proposals::refuse(con
     return std::pair(wire::OfferDecision::kNoRight,
                      "a proposal is taken of a calibrated camera only; `cairn-track calibrate` makes it one");
   std::string full = context_.store->trouble();
-  if (full.empty()) full = book_.why_full();
+  if (full.empty()) full = registry_.why_full();
   if (!full.empty()) return std::pair(wire::OfferDecision::kFull, std::move(full));
   if (in_work_ >= kMostInWork)
     return std::pair(wire::OfferDecision::kBusy, "more proposals come than can be looked at");
@@ -47,7 +47,7 @@ std::optional<std::pair<wire::OfferDecision, std::string>> Proposals::refuse(con
       !why.empty())
     return std::pair(wire::OfferDecision::kBusy, std::move(why));
   // A replay does not go by this clock.
-  std::string not_now = offer.lockstep ? "" : book_.why_not_now(client.name, context_.now());
+  std::string not_now = offer.lockstep ? "" : registry_.why_not_now(client.name, context_.now());
   if (not_now.empty()) return std::nullopt;
   if (!offer.as_proposal) return std::pair(wire::OfferDecision::kNoRight, why);
   return std::pair(wire::OfferDecision::kBusy, std::move(not_now));
@@ -94,7 +94,7 @@ std::optional<std::pair<wire::OfferDecision, std::string>> Proposals::refuse_jud
   if (offered.pending->is_withdrawn() || client == nullptr ||
       !takes_proposals(context_, *client, map, entry->second))
     return std::pair(wire::OfferDecision::kNoRight, kNoProposals);
-  const ProposalSummary* other = book_.find_alike(map, summary);
+  const ProposalSummary* other = registry_.find_alike(map, summary);
   if (other == nullptr) return std::nullopt;
   return std::pair(wire::OfferDecision::kTooClose,
                    "proposal " + proposal_id(map, other->number) + " shows the same already");
@@ -119,7 +119,7 @@ void Proposals::keep(Offered offered, KeptProposal kept) {
   ProposalSummary& summary = kept.record.summary;
   summary.received = context_.wall();
   outcome.reason = "kept aside as a proposal: " + summary.why;
-  const ProposalBook::Room room = book_.add(outcome.map, summary);
+  const ProposalRegistry::Room room = registry_.add(outcome.map, summary);
   summary.number = room.number;
   const std::string name = summary.client;
   MapUpdate update;
@@ -136,7 +136,7 @@ void Proposals::keep(Offered offered, KeptProposal kept) {
 
 /// What goes for it goes when it stays, and what is withdrawn is taken out of the store again: neither while
 /// the map is being rolled back.
-void Proposals::on_kept(Offered offered, const std::string& client_name, const ProposalBook::Room& room,
+void Proposals::on_kept(Offered offered, const std::string& client_name, const ProposalRegistry::Room& room,
                         const Status& written) {
   wire::OfferOutcome& outcome = offered.outcome;
   const MapId map = outcome.map;
@@ -149,11 +149,11 @@ void Proposals::on_kept(Offered offered, const std::string& client_name, const P
     return context_.store->later(again, kUntilTriedAgain);
   }
   if (!written) {
-    book_.take_back(map, room);
+    registry_.take_back(map, room);
     outcome.decision = wire::OfferDecision::kFull;
     outcome.reason = written.error().message;
   } else if (offered.pending->is_withdrawn()) {
-    book_.take_back(map, room);
+    registry_.take_back(map, room);
     outcome.decision = wire::OfferDecision::kNoRight;
     outcome.reason = kNoProposals;
     MapUpdate update;
@@ -170,7 +170,7 @@ void Proposals::on_kept(Offered offered, const std::string& client_name, const P
 }
 
 void Proposals::drop_old() {
-  for (auto& [map, numbers] : book_.too_old(context_.wall())) {
+  for (auto& [map, numbers] : registry_.too_old(context_.wall())) {
     const auto entry = maps_.all().find(map);
     if (entry == maps_.all().end() || entry->second.rolling_back) continue;  // later
     for (const uint64_t number : numbers)
@@ -181,7 +181,7 @@ void Proposals::drop_old() {
 }
 
 void Proposals::remove(MapId map, const std::vector<uint64_t>& numbers) {
-  for (const uint64_t number : numbers) book_.remove(map, number);
+  for (const uint64_t number : numbers) registry_.remove(map, number);
   MapUpdate update;
   update.removed_proposals = numbers;
   context_.store->write(map, std::move(update), {});

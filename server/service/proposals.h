@@ -6,8 +6,8 @@
 
 #include "server/service/clients.h"
 #include "server/service/map_array.h"
-#include "server/service/proposal_book.h"
 #include "server/service/proposal_judge.h"
+#include "server/service/proposal_registry.h"
 #include "server/service/service_context.h"
 
 namespace cairn {
@@ -20,7 +20,7 @@ class Proposals {
   using Decided = std::function<void(wire::OfferOutcome outcome)>;
 
   Proposals(const ServiceContext& context, Clients& clients, const MapArray& maps)
-      : context_(context), clients_(clients), maps_(maps), book_(context.options.proposals) {}
+      : context_(context), clients_(clients), maps_(maps), registry_(context.options.proposals) {}
   Proposals(const Proposals&) = delete;
   Proposals& operator=(const Proposals&) = delete;
 
@@ -31,7 +31,7 @@ class Proposals {
   /// Those that nobody has decided of for long. With a store only.
   void drop_old();
 
-  [[nodiscard]] ProposalBook& book() { return book_; }
+  [[nodiscard]] ProposalRegistry& registry() { return registry_; }
 
  private:
   /// One on its way, and its client.
@@ -49,7 +49,7 @@ class Proposals {
   [[nodiscard]] std::optional<std::pair<wire::OfferDecision, std::string>> refuse_judged(
       const Offered& offered, const ProposalSummary& summary);
   void keep(Offered offered, KeptProposal kept);
-  void on_kept(Offered offered, const std::string& client_name, const ProposalBook::Room& room,
+  void on_kept(Offered offered, const std::string& client_name, const ProposalRegistry::Room& room,
                const Status& written);
   /// The map is not being rolled back.
   void remove(MapId map, const std::vector<uint64_t>& numbers);
@@ -57,7 +57,7 @@ class Proposals {
   const ServiceContext& context_;
   Clients& clients_;
   const MapArray& maps_;
-  ProposalBook book_;
+  ProposalRegistry registry_;
   size_t in_work_ = 0;  ///< being looked at
 };
 

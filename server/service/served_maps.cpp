@@ -92,7 +92,7 @@ std::optional<std::set<LabelId>> ServedMaps::replace(ResumedMap map) {
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
   // Somebody may yet mean by an id a label that the roll-back takes away.
   const LabelId last_given = std::max(entry->labels.last_given(), map.last_label);
-  entry->labels = LabelBook();
+  entry->labels = LabelRegistry();
   entry->labels.restore(map.labels, last_given);
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
   listener_.restored(map);
@@ -145,7 +145,7 @@ void ServedMaps::evict_idle_maps(MonotonicTime now, const PlaceIndex& index) {
   if (context_.store == nullptr || idle_after.count() == 0) return;
   // The allocator keeps most of what is freed here and there otherwise: images lie between what stays. Some
   // milliseconds, with locks that anybody who allocates may wait for: on a thread that does not stand back
-  // for others, and beside those that maps and questions wait for.
+  // for others, and beside those that maps and queries wait for.
   if (std::exchange(memory_freed_, false)) context_.store->run([](Store&) { malloc_trim(0); });
   for (const auto& [map, entry] : array_.all()) {
     const bool is_awake = entry.statistics.keyframes > entry.statistics.without_images;

@@ -35,7 +35,7 @@ struct ResumedMap {
 };
 
 /// The maps that are served: they come (made by a seed, given back by the store, fed from outside), change,
-/// idle and go, and whoever has to do with that is told. Used from the service's thread, unless said
+/// are idle and go, and whoever has to do with that is told. Used from the service's thread, unless said
 /// otherwise.
 class ServedMaps {
  public:
@@ -76,7 +76,7 @@ class ServedMaps {
   /// It has been deleted, or was never made.
   void forget(MapId map);
 
-  /// Those that have not been in use for long. `index`: what questions are answered with.
+  /// Those that have not been in use for long. `index`: what queries are answered with.
   void evict_idle_maps(MonotonicTime now, const PlaceIndex& index);
   /// Running work ends soon.
   void stop();

@@ -14,7 +14,7 @@ namespace cairn {
 struct ServiceExecutors {
   Executor& urgent;
   Executor& background;
-  Executor& questions;
+  Executor& queries;
   Executor& idle;
   Executor& site;  ///< one task at a time
 };

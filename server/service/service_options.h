@@ -14,7 +14,7 @@
 #include "server/relocalization/relocalizer.h"
 #include "server/service/client_rates.h"
 #include "server/service/clock.h"
-#include "server/service/proposal_book.h"
+#include "server/service/proposal_registry.h"
 #include "server/service/wearer_rule.h"
 #include "server/service/work_times.h"
 

@@ -59,12 +59,12 @@ bool Sessions::hear(const Principal& who, wire::PublicationHandle publication,
       break;
   }
   if (process) client.cameras.set_holder(*process);
-  const bool is_proven = message.state == TrackingState::kTracking || message.state == TrackingState::kPoor;
+  const bool is_verified = message.state == TrackingState::kTracking || message.state == TrackingState::kPoor;
   // A replica outlives its map, and anybody may name one that never was: neither narrows the answers to
   // others.
   MapEntry* entry = maps_.array().find(message.map);
   const bool is_here =
-      is_proven && entry != nullptr && context_.access().may_read(client.principal(), message.map);
+      is_verified && entry != nullptr && context_.access().may_read(client.principal(), message.map);
   client.last_word = {message.session, message.state, message.map, message.quality, is_here, now};
   if (is_here) entry->localized_at = context_.wall();
   wearers_.heard(client.name, {message.wearer, is_here ? message.map : MapId{}, message.frame_time}, now);

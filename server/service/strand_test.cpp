@@ -30,7 +30,7 @@ TEST(Strand, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
   constexpr int kQueues = 16;
   constexpr int kTasks = 2000;
   struct Map {
-    std::vector<int> order;  // not synchronised: the queue is
+    std::vector<int> order;  // not synchronized: the queue is
     std::atomic<int> inside{0};
   };
   std::vector<Map> maps(kQueues);

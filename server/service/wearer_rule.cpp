@@ -23,8 +23,8 @@ bool is_one_of(const std::vector<MapId>& maps, const MapId& map) {
 }
 
 /// Without confirmed places, `found` does not say that the place is not known: not all maps count.
-PlaceAnswer left_open(PlaceAnswer found) {
-  found.verdict = PlaceVerdict::kNotThere;
+RelocalizationAnswer left_open(RelocalizationAnswer found) {
+  found.verdict = RelocalizationVerdict::kNotThere;
   found.reason = "not in the map in which the wearer's other camera is tracked";
   return found;
 }
@@ -41,9 +41,9 @@ void WearerRule::heard(const std::string& client, const Word& word, MonotonicTim
   const bool is_new_frame = word.frame_time != camera.frame_time;
   camera.wearer = std::move(wearer);
   camera.frame_time = word.frame_time;
-  if (!word.proven_in || !is_new_frame) return;
-  camera.proven_in = word.proven_in;
-  camera.proven_at = now;
+  if (!word.verified_in || !is_new_frame) return;
+  camera.verified_in = word.verified_in;
+  camera.verified_at = now;
   camera.missed = 0;  // what was not found before it was found does not count in its next loss
 }
 
@@ -58,8 +58,8 @@ std::vector<MapId> WearerRule::maps_of_others(const std::string& client, const M
   const std::string wearer = wearer_of(client);
   if (wearer.empty()) return maps;
   for (const auto& [name, camera] : cameras_) {
-    const bool is_fresh = camera.proven_in && now - camera.proven_at <= kFresh;
-    if (name != client && camera.wearer == wearer && is_fresh) maps.push_back(camera.proven_in);
+    const bool is_fresh = camera.verified_in && now - camera.verified_at <= kFresh;
+    if (name != client && camera.wearer == wearer && is_fresh) maps.push_back(camera.verified_in);
   }
   std::sort(maps.begin(), maps.end());
   maps.erase(std::unique(maps.begin(), maps.end()), maps.end());
@@ -77,19 +77,19 @@ int WearerRule::count_miss(const std::string& client, const std::vector<MapId>& 
   Camera& camera = cameras_[client];
   if (confirmed || maps != camera.missed_in) camera.missed = 0;
   camera.missed_in = maps;
-  if (!confirmed) camera.missed = std::min(camera.missed + 1, kQuestions);
+  if (!confirmed) camera.missed = std::min(camera.missed + 1, kQueries);
   return camera.missed;
 }
 
-PlaceAnswer WearerRule::narrow(const std::string& client, const MapSet& findable, bool in_part,
-                               PlaceAnswer found, MonotonicTime now) {
+RelocalizationAnswer WearerRule::narrow(const std::string& client, const MapSet& findable, bool in_part,
+                                        RelocalizationAnswer found, MonotonicTime now) {
   const std::vector<MapId> maps = maps_of_others(client, findable, now);
   if (maps.empty()) {
-    const bool is_open = in_part && found.verdict == PlaceVerdict::kNotKnown;
+    const bool is_open = in_part && found.verdict == RelocalizationVerdict::kNotKnown;
     return is_open ? left_open(std::move(found)) : found;
   }
   // A guess names the one keyframe that is nearest in all that was searched: there is nothing to weigh.
-  if (found.verdict == PlaceVerdict::kUnconfirmed) return found;
+  if (found.verdict == RelocalizationVerdict::kUnconfirmed) return found;
   Best here;
   Best elsewhere;
   for (const PlaceCandidate& candidate : found.candidates)
@@ -97,7 +97,7 @@ PlaceAnswer WearerRule::narrow(const std::string& client, const MapSet& findable
   const int missed = count_miss(client, maps, here.confirmed);
   if (options_.policy == WearerPolicy::kFirst) {
     const bool is_clear = elsewhere.confirmed && elsewhere.inliers > kClearlyMore * here.inliers;
-    if (missed >= kQuestions || is_clear) return found;
+    if (missed >= kQueries || is_clear) return found;
     if (!here.confirmed && !elsewhere.confirmed) return found;  // all maps were searched: not known
   }
   std::erase_if(found.candidates, [&maps](const PlaceCandidate& c) { return !is_one_of(maps, c.map); });

@@ -9,7 +9,7 @@
 
 #include "common/base/time.h"
 #include "common/map/ids.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/service/wearer_list.h"
 
@@ -17,7 +17,7 @@ namespace cairn {
 
 /// What counts for a lost camera while another of its wearer is tracked.
 enum class WearerPolicy : uint8_t {
-  /// The other's map first. All maps when the place is not confirmed there in two questions, or when another
+  /// The other's map first. All maps when the place is not confirmed there in two queries, or when another
   /// map explains clearly more of the image: the cameras of one person may well look at different
   /// workcells.
   kFirst = 0,
@@ -38,8 +38,8 @@ class WearerRule {
  public:
   /// A pose older than that says nothing of where the wearer is.
   static constexpr std::chrono::milliseconds kFresh{500};
-  /// Not confirmed in so many questions in a row, a place is looked for in all maps.
-  static constexpr int kQuestions = 2;
+  /// Not confirmed in so many queries in a row, a place is looked for in all maps.
+  static constexpr int kQueries = 2;
   /// Inliers of another map, over those of the narrowed ones, that are clearly more. Measured once to choose:
   /// two maps of one place, with two to five keyframes, have counts that differ by 1.35 at most; by 2.6 where
   /// one has a quarter of the other's points.
@@ -50,7 +50,7 @@ class WearerRule {
   /// What a tracker says of itself.
   struct Word {
     std::string wearer;    ///< claimed; empty: nobody's
-    MapId proven_in;       ///< the map in which the pose of its latest frame is proven; none: in none
+    MapId verified_in;     ///< the map in which the pose of its latest frame is verified; none: in none
     Timestamp frame_time;  ///< the same in two words: nothing new has been seen
   };
   void heard(const std::string& client, const Word& word, MonotonicTime now);
@@ -58,7 +58,7 @@ class WearerRule {
   /// Empty: nobody in particular.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
-  /// Where a client's question is looked into.
+  /// Where a client's query is looked into.
   struct Search {
     SearchScope scope;
     bool in_part = false;  ///< not in all of the maps that the client may find itself in
@@ -67,22 +67,22 @@ class WearerRule {
   /// where it is looked for first.
   [[nodiscard]] Search search(const std::string& client, const MapSet& findable, MonotonicTime now) const;
   /// What of the answer found counts for the client, as its wearer's other cameras are tracked by now.
-  /// `in_part`: as it was searched. To be called once for each question.
-  [[nodiscard]] PlaceAnswer narrow(const std::string& client, const MapSet& findable, bool in_part,
-                                   PlaceAnswer found, MonotonicTime now);
+  /// `in_part`: as it was searched. To be called once for each query.
+  [[nodiscard]] RelocalizationAnswer narrow(const std::string& client, const MapSet& findable, bool in_part,
+                                            RelocalizationAnswer found, MonotonicTime now);
 
  private:
   struct Camera {
     std::string wearer;
-    MapId proven_in;
-    MonotonicTime proven_at;
+    MapId verified_in;
+    MonotonicTime verified_at;
     std::optional<Timestamp> frame_time;
     std::vector<MapId> missed_in;  ///< maps of the others in which it was not confirmed
-    int missed = 0;                ///< questions in a row
+    int missed = 0;                ///< queries in a row
   };
   [[nodiscard]] std::vector<MapId> maps_of_others(const std::string& client, const MapSet& findable,
                                                   MonotonicTime now) const;
-  /// Counts the questions in a row that were not confirmed in `maps`; those until now.
+  /// Counts the queries in a row that were not confirmed in `maps`; those until now.
   [[nodiscard]] int count_miss(const std::string& client, const std::vector<MapId>& maps, bool confirmed);
 
   WearerOptions options_;

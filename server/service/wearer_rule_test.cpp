@@ -30,14 +30,15 @@ PlaceCandidate place(const MapId& map, int inliers, bool confirmed = true) {
   return candidate;
 }
 
-PlaceAnswer answer(std::vector<PlaceCandidate> candidates) {
-  PlaceAnswer made;
+RelocalizationAnswer answer(std::vector<PlaceCandidate> candidates) {
+  RelocalizationAnswer made;
   made.candidates = std::move(candidates);
-  if (!made.candidates.empty() && made.candidates.front().confirmed) made.verdict = PlaceVerdict::kConfirmed;
+  if (!made.candidates.empty() && made.candidates.front().confirmed)
+    made.verdict = RelocalizationVerdict::kConfirmed;
   return made;
 }
 
-std::vector<MapId> maps_in(const PlaceAnswer& answer) {
+std::vector<MapId> maps_in(const RelocalizationAnswer& answer) {
   std::vector<MapId> maps;
   for (const PlaceCandidate& candidate : answer.candidates) maps.push_back(candidate.map);
   return maps;
@@ -45,15 +46,15 @@ std::vector<MapId> maps_in(const PlaceAnswer& answer) {
 
 class WearerRuleTest : public ::testing::Test {
  protected:
-  void see(const std::string& client, const std::string& wearer, const MapId& proven_in) {
-    rule_.heard(client, {wearer, proven_in, Timestamp{++frame_}}, now_);
+  void see(const std::string& client, const std::string& wearer, const MapId& verified_in) {
+    rule_.heard(client, {wearer, verified_in, Timestamp{++frame_}}, now_);
   }
   /// Anna's shoulder camera is tracked; the one in her hand asks.
-  void wear(const MapId& proven_in = kDesk) {
-    see("shoulder", "anna", proven_in);
+  void wear(const MapId& verified_in = kDesk) {
+    see("shoulder", "anna", verified_in);
     see("hand", "anna", {});
   }
-  PlaceAnswer told(PlaceAnswer found, const std::string& client = "hand") {
+  RelocalizationAnswer told(RelocalizationAnswer found, const std::string& client = "hand") {
     const bool in_part = rule_.search(client, findable_, now_).in_part;
     return rule_.narrow(client, findable_, in_part, std::move(found), now_);
   }
@@ -90,7 +91,7 @@ TEST_F(WearerRuleTest, OthersAndWhoIsNobodysAreNotNarrowed) {
   }
 }
 
-TEST_F(WearerRuleTest, AProofCountsForHalfASecondAndOnlyWithANewImage) {
+TEST_F(WearerRuleTest, AVerificationCountsForHalfASecondAndOnlyWithANewImage) {
   wear();
   now_ += WearerRule::kFresh;
   EXPECT_THAT(first("hand"), ElementsAre(kDesk));
@@ -106,8 +107,9 @@ TEST_F(WearerRuleTest, AProofCountsForHalfASecondAndOnlyWithANewImage) {
 
 TEST_F(WearerRuleTest, AConfirmedPlaceInThatMapHidesLookAlikes) {
   wear();
-  const PlaceAnswer said = told(answer({place(kBench, 70), place(kDesk, 40), place(kRobot, 9, false)}));
-  EXPECT_EQ(said.verdict, PlaceVerdict::kConfirmed);
+  const RelocalizationAnswer said =
+      told(answer({place(kBench, 70), place(kDesk, 40), place(kRobot, 9, false)}));
+  EXPECT_EQ(said.verdict, RelocalizationVerdict::kConfirmed);
   EXPECT_THAT(maps_in(said), ElementsAre(kDesk));
 }
 
@@ -121,12 +123,12 @@ TEST_F(WearerRuleTest, ClearlyMoreInliersInAnotherMapOverruleIt) {
       << "what is not confirmed is no evidence";
 }
 
-TEST_F(WearerRuleTest, NotConfirmedThereInTwoQuestionsInARowAllMapsCount) {
+TEST_F(WearerRuleTest, NotConfirmedThereInTwoQueriesInARowAllMapsCount) {
   wear();
   const auto elsewhere = [] { return answer({place(kBench, 45), place(kDesk, 25, false)}); };
   for (int round = 0; round < 2; ++round) {
-    const PlaceAnswer first = told(elsewhere());
-    EXPECT_EQ(first.verdict, PlaceVerdict::kNotThere) << "others may know it";
+    const RelocalizationAnswer first = told(elsewhere());
+    EXPECT_EQ(first.verdict, RelocalizationVerdict::kNotThere) << "others may know it";
     EXPECT_THAT(maps_in(first), ElementsAre(kDesk));
     EXPECT_FALSE(first.reason.empty());
     for (int more = 0; more < 3; ++more) {
@@ -138,7 +140,7 @@ TEST_F(WearerRuleTest, NotConfirmedThereInTwoQuestionsInARowAllMapsCount) {
 
 TEST_F(WearerRuleTest, TheCountBeginsAnewWithEachLoss) {
   wear();
-  const PlaceAnswer elsewhere = answer({place(kBench, 50), place(kDesk, 40, false)});
+  const RelocalizationAnswer elsewhere = answer({place(kBench, 50), place(kDesk, 40, false)});
   EXPECT_THAT(maps_in(told(elsewhere)), ElementsAre(kDesk));
   EXPECT_THAT(maps_in(told(elsewhere)), ElementsAre(kBench, kDesk));
   see("hand", "anna", kBench);
@@ -151,15 +153,15 @@ TEST_F(WearerRuleTest, TheCountBeginsAnewWithTheMapOfTheOther) {
   (void)told(answer({place(kBench, 45), place(kDesk, 25, false)}));
   see("shoulder", "anna", kRobot);
   const auto elsewhere = [] { return answer({place(kBench, 45), place(kRobot, 25, false)}); };
-  EXPECT_EQ(told(elsewhere()).verdict, PlaceVerdict::kNotThere);
-  EXPECT_EQ(told(elsewhere()).verdict, PlaceVerdict::kConfirmed);
+  EXPECT_EQ(told(elsewhere()).verdict, RelocalizationVerdict::kNotThere);
+  EXPECT_EQ(told(elsewhere()).verdict, RelocalizationVerdict::kConfirmed);
 }
 
 TEST_F(WearerRuleTest, NotKnownAnywhereIsSaidAtOnce) {
   wear();
   EXPECT_EQ(told(answer({place(kDesk, 10, false), place(kBench, 9, false)})).verdict,
-            PlaceVerdict::kNotKnown);
-  EXPECT_EQ(told(answer({})).verdict, PlaceVerdict::kNotKnown);
+            RelocalizationVerdict::kNotKnown);
+  EXPECT_EQ(told(answer({})).verdict, RelocalizationVerdict::kNotKnown);
 }
 
 TEST_F(WearerRuleTest, TheFirstToRecoverNarrowsAnswersThatAreOnTheirWay) {
@@ -180,15 +182,15 @@ TEST_F(WearerRuleTest, ThePapersRuleNeverLooksElsewhere) {
   const WearerRule::Search asked = rule_.search("hand", findable_, now_);
   EXPECT_EQ(asked.scope.maps, MapSet({kDesk}));
   EXPECT_TRUE(asked.in_part);
-  for (int question = 0; question < 5; ++question) {
-    EXPECT_EQ(told(answer({place(kDesk, 25, false)})).verdict, PlaceVerdict::kNotThere);
+  for (int query = 0; query < 5; ++query) {
+    EXPECT_EQ(told(answer({place(kDesk, 25, false)})).verdict, RelocalizationVerdict::kNotThere);
     EXPECT_THAT(maps_in(told(answer({place(kBench, 900), place(kDesk, 40)}))), ElementsAre(kDesk));
   }
   now_ += WearerRule::kFresh + 1ms;
   EXPECT_EQ(rule_.narrow("hand", findable_, asked.in_part, answer({place(kDesk, 25, false)}), now_).verdict,
-            PlaceVerdict::kNotThere)
+            RelocalizationVerdict::kNotThere)
       << "only a part was searched";
-  EXPECT_EQ(told(answer({place(kBench, 25, false)})).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(told(answer({place(kBench, 25, false)})).verdict, RelocalizationVerdict::kNotKnown);
 }
 
 TEST_F(WearerRuleTest, AMapThatAClientMayNotFindItselfInNarrowsNothing) {
@@ -208,10 +210,10 @@ TEST_F(WearerRuleTest, AMapThatAClientMayNotFindItselfInNarrowsNothing) {
 
 TEST_F(WearerRuleTest, AGuessOfThePapersMethodIsLeftAsItIs) {
   wear();
-  PlaceAnswer guess = answer({place(kBench, 0, false)});
-  guess.verdict = PlaceVerdict::kUnconfirmed;
-  const PlaceAnswer said = told(guess);
-  EXPECT_EQ(said.verdict, PlaceVerdict::kUnconfirmed);
+  RelocalizationAnswer guess = answer({place(kBench, 0, false)});
+  guess.verdict = RelocalizationVerdict::kUnconfirmed;
+  const RelocalizationAnswer said = told(guess);
+  EXPECT_EQ(said.verdict, RelocalizationVerdict::kUnconfirmed);
   EXPECT_THAT(maps_in(said), ElementsAre(kBench));
 }
 

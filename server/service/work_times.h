@@ -36,7 +36,7 @@ class WorkTimes {
   /// From when an offer came to the revision with the points made of it.
   void points_published(std::chrono::nanoseconds wall);
 
-  /// From when an offer came to when questions are answered with its keyframe.
+  /// From when an offer came to when queries are answered with its keyframe.
   void searchable(std::chrono::nanoseconds wall);
   /// Processor time of looking for a keyframe in other maps.
   void checked_for_overlaps(std::chrono::nanoseconds cpu);

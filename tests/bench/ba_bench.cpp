@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Bundle adjustment: the product's solver and Ceres in several settings on the same problems, one thread,
-// CPU time. All minimise the same robust cost (Tukey, cut-off from the residuals at the start).
+// CPU time. All minimize the same robust cost (Tukey, cut-off from the residuals at the start).
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>

@@ -37,7 +37,9 @@ class EngineLink final : public MapLink {
   std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& /*snapshot*/) override {
     return std::nullopt;
   }
-  std::optional<PlaceAnswer> take_place_answer() override { return std::exchange(answer_, std::nullopt); }
+  std::optional<RelocalizationAnswer> take_relocalization_answer() override {
+    return std::exchange(answer_, std::nullopt);
+  }
   LabelListPtr labels(MapId /*map*/) const override { return nullptr; }
   SessionStatus status() const override { return status_; }
   bool wait_until_settled(std::chrono::milliseconds timeout) override;
@@ -52,7 +54,7 @@ class EngineLink final : public MapLink {
   SessionStatus status_;
   MapSnapshotPtr held_;
   std::shared_ptr<const PlaceView> asked_;
-  std::optional<PlaceAnswer> answer_;
+  std::optional<RelocalizationAnswer> answer_;
   std::vector<double> answer_ms_;
 };
 

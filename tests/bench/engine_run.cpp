@@ -182,9 +182,9 @@ class EngineRun final : public MappingObserver {
     if (arguments_.verbose) print_frame(frame, result);
   }
 
-  void on_answer(const PlaceAnswer& answer) override {
+  void on_answer(const RelocalizationAnswer& answer) override {
     ++totals_.queries;
-    if (answer.verdict == PlaceVerdict::kConfirmed) ++totals_.places;
+    if (answer.verdict == RelocalizationVerdict::kConfirmed) ++totals_.places;
   }
 
   void on_seed(const Frame& frame, const SeedProposal& proposal, const Result<SeedResult>& started,

@@ -199,8 +199,8 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
     FrameCost& cost = (*costs)[i];
     if (!cost.tracked || now.ms < cost.ms) cost = now;
     if (result.reloc_query) {
-      const PlaceAnswer said = relocalize(index, *place.camera, *result.reloc_query);
-      static_cast<void>(tracker.place_answered(suggestion_of(said)));
+      const RelocalizationAnswer said = relocalize(index, *place.camera, *result.reloc_query);
+      static_cast<void>(tracker.relocalization_answered(hypothesis_of(said)));
     }
   }
 }

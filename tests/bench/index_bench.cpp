@@ -204,11 +204,11 @@ void time_answers(const PlaceIndex& index, const RecordedPlace& place, const cha
   size_t right = 0;
   for (const PlaceView& view : place.views) {
     const auto begin = std::chrono::steady_clock::now();
-    const PlaceAnswer answer = relocalize(index, *place.camera, view);
+    const RelocalizationAnswer answer = relocalize(index, *place.camera, view);
     const double us = us_since(begin);
     const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_image_alone);
     (is_early ? by_image : with_words).push_back(us);
-    if (answer.verdict == PlaceVerdict::kConfirmed &&
+    if (answer.verdict == RelocalizationVerdict::kConfirmed &&
         answer.candidates.front().map == place.map->snapshot->map)
       ++right;
   }

@@ -32,10 +32,10 @@ void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer) {
   }
 }
 
-std::optional<PoseSuggestion> suggestion_of(const PlaceAnswer& answer) {
-  if (answer.verdict != PlaceVerdict::kConfirmed) return std::nullopt;
+std::optional<PoseHypothesis> hypothesis_of(const RelocalizationAnswer& answer) {
+  if (answer.verdict != RelocalizationVerdict::kConfirmed) return std::nullopt;
   const PlaceCandidate& best = answer.candidates.front();
-  return PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
+  return PoseHypothesis{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
 }
 
 MappingLoop::MappingLoop(CameraPtr camera, const MappingOptions& options)
@@ -84,9 +84,9 @@ MapRecord MappingLoop::record() {
 }
 
 void MappingLoop::answer(const PlaceView& view) {
-  const PlaceAnswer said = relocalize(index_, *camera_, view);
+  const RelocalizationAnswer said = relocalize(index_, *camera_, view);
   observer_.on_answer(said);
-  static_cast<void>(tracker_->place_answered(suggestion_of(said)));
+  static_cast<void>(tracker_->relocalization_answered(hypothesis_of(said)));
 }
 
 void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {

@@ -9,7 +9,7 @@
 
 #include "client/capture/frame_source.h"
 #include "client/tracking/tracker.h"
-#include "common/map/place_answer.h"
+#include "common/map/relocalization_answer.h"
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_record.h"
 #include "server/relocalization/place_index.h"
@@ -22,7 +22,7 @@ class MappingObserver {
   virtual ~MappingObserver() = default;
   /// Before anything is done about the result.
   virtual void on_frame(const Frame&, const FrameResult&, double /*ms*/) {}
-  virtual void on_answer(const PlaceAnswer&) {}
+  virtual void on_answer(const RelocalizationAnswer&) {}
   /// When the map's first work is done; `ms`: of the start alone.
   virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
   virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
@@ -35,7 +35,7 @@ class MappingObserver {
 void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer);
 
 /// What a tracker is told of an answer: the best place, if it is confirmed.
-[[nodiscard]] std::optional<PoseSuggestion> suggestion_of(const PlaceAnswer& answer);
+[[nodiscard]] std::optional<PoseHypothesis> hypothesis_of(const RelocalizationAnswer& answer);
 
 struct MappingOptions {
   MapId map;

@@ -56,8 +56,8 @@ Answered ask_relocalizer(const PlaceIndex& index, const Camera& camera, const Pl
                          RelocMethod method) {
   RelocOptions options;
   options.method = method;
-  const PlaceAnswer answer = relocalize(index, camera, view, options);
-  if (answer.verdict == PlaceVerdict::kNotKnown) return {std::nullopt, answer.candidates.size()};
+  const RelocalizationAnswer answer = relocalize(index, camera, view, options);
+  if (answer.verdict == RelocalizationVerdict::kNotKnown) return {std::nullopt, answer.candidates.size()};
   const PlaceCandidate& best = answer.candidates.front();
   return {Said{best.map, best.keyframe, best.camera_from_keyframe}, answer.candidates.size()};
 }

@@ -59,12 +59,12 @@ class Judge {
   Judge(const Arguments& arguments, const Truth& truth, const Similarity3& truth_from_map)
       : arguments_(arguments), truth_(truth), truth_from_map_(truth_from_map) {}
 
-  void judge(const Frame& frame, bool in_view, const MapSnapshot& map, const PlaceAnswer& result) {
+  void judge(const Frame& frame, bool in_view, const MapSnapshot& map, const RelocalizationAnswer& result) {
     Tally& tally = in_view ? in_view_ : elsewhere_;
     ++tally.asked;
     const PlaceCandidate* best = result.candidates.empty() ? nullptr : &result.candidates.front();
     std::string said = "-";
-    if (result.verdict != PlaceVerdict::kNotKnown) {
+    if (result.verdict != RelocalizationVerdict::kNotKnown) {
       ++tally.answered;
       if (best->map != map.map) {
         ++tally.wrong;
@@ -156,10 +156,10 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
     images.build_pyramid(frame.image->view());
     const PlaceView view = describe_place(images.pyramid, images.all_corners());
     const double begin = thread_cpu_ms();
-    const PlaceAnswer result = relocalize(index, **camera, view, options);
+    const RelocalizationAnswer result = relocalize(index, **camera, view, options);
     times.add(result.candidates.size(), thread_cpu_ms() - begin);
     ++asked;
-    if (result.verdict == PlaceVerdict::kNotKnown) continue;
+    if (result.verdict == RelocalizationVerdict::kNotKnown) continue;
     ++answered;
     if (verbose) std::printf("%s %lu: WRONG\n", foreign.c_str(), static_cast<unsigned long>(frame.index));
   }
@@ -205,16 +205,16 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     const double begin = thread_cpu_ms();
     const PlaceView view = describe_place(images.pyramid, images.all_corners());
     const double described = thread_cpu_ms();
-    const PlaceAnswer result = relocalize(index, *camera, view, options);
+    const RelocalizationAnswer result = relocalize(index, *camera, view, options);
     describe_ms.push_back(described - begin);
     times.add(result.candidates.size(), thread_cpu_ms() - described);
     judge->judge(frame, query->second, *map, result);
-    if (result.verdict == PlaceVerdict::kNotKnown) continue;
+    if (result.verdict == RelocalizationVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
     if (best.map != map->map) continue;
     verification = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
-    verification.tracker->place_answered(
-        PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
+    verification.tracker->relocalization_answered(
+        PoseHypothesis{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
   std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; %s\n", index.maps().size(),
               index.keyframe_count(), percentile(describe_ms, 0.5), times.text().c_str());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Samples as they come from the network: the first byte chooses the topic, the rest is what a peer
-// serialised, with its header. The middleware checks and reads it as it does for a reader, and our decoder
+// serialized, with its header. The middleware checks and reads it as it does for a reader, and our decoder
 // judges the rest.
 #include <dds/dds.h>
 #include <dds/ddsi/ddsi_serdata.h>
@@ -50,8 +50,8 @@ class Middleware {
   dds_entity_t participant_ = 0;
 };
 
-/// Writes `sample` and takes it as a reader would have it, serialised.
-ddsi_serdata* serialised(dds_entity_t writer, dds_entity_t reader, const void* sample) {
+/// Writes `sample` and takes it as a reader would have it, serialized.
+ddsi_serdata* serialized(dds_entity_t writer, dds_entity_t reader, const void* sample) {
   demand(dds_write(writer, sample) == DDS_RETCODE_OK, "a sound sample can be written");
   ddsi_serdata* data = nullptr;
   dds_sample_info_t info;
@@ -100,7 +100,7 @@ class Topic {
   ddsi_serdata* sample_of(const Message& message) {
     wire::internal::Scratch scratch;
     const auto sample = wire::internal::encode(message, &scratch);
-    return serialised(writer_, reader_, &sample);
+    return serialized(writer_, reader_, &sample);
   }
   /// What is let through is what we could have written.
   static void check(const DdsType<Message>& sample) {

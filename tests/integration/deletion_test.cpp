@@ -64,8 +64,8 @@ class DeletionTest : public ::testing::Test {
     session_->send_query(
         std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners())),
         Timestamp{++asked_});
-    std::optional<PlaceAnswer> answer;
-    EXPECT_TRUE(eventually([&] { return (answer = session_->take_place_answer()).has_value(); }));
+    std::optional<RelocalizationAnswer> answer;
+    EXPECT_TRUE(eventually([&] { return (answer = session_->take_relocalization_answer()).has_value(); }));
     std::vector<MapId> maps;
     if (answer) {
       for (const PlaceCandidate& candidate : answer->candidates) maps.push_back(candidate.map);

@@ -222,7 +222,7 @@ class LimitsTest : public ProtocolTest {
   static ServiceOptions limited() {
     ServiceOptions options;
     options.rates.keyframes = 1;
-    options.rates.questions = 1;
+    options.rates.queries = 1;
     options.max_labels = 1;
     options.max_keyframes = 3;
     return options;
@@ -265,7 +265,7 @@ TEST_F(LimitsTest, AMapTakesSoManyKeyframesAndLabelsAndSaysWhichOptionSaysSo) {
   }
 }
 
-/// Offers, questions and states as fast as they can be written: the flood is told why it is not served, what
+/// Offers, queries and states as fast as they can be written: the flood is told why it is not served, what
 /// waits is bounded, and another is served meanwhile as if nothing were.
 TEST_F(LimitsTest, WhoFloodsTheServerIsToldWhyAndAnotherIsServed) {
   ASSERT_TRUE(seed_until_decided(make_seed(1)));

@@ -39,7 +39,7 @@ class RawClient {
         states_(writer<wire::TrackerStateMessage>()),
         seeds(writer<wire::MapSeed>()),
         offers(writer<wire::KeyframeOffer>()),
-        questions(writer<wire::RelocQuery>()),
+        queries(writer<wire::RelocQuery>()),
         requests(writer<wire::ClientRequest>()),
         status_(reader<wire::ServerStatus>()),
         maps_(reader<wire::MapInfo>()),
@@ -134,7 +134,7 @@ class RawClient {
  public:
   wire::Writer<wire::MapSeed> seeds;
   wire::Writer<wire::KeyframeOffer> offers;
-  wire::Writer<wire::RelocQuery> questions;
+  wire::Writer<wire::RelocQuery> queries;
   wire::Writer<wire::ClientRequest> requests;
   std::optional<wire::SeedVerdict> seed_verdict;
   std::optional<wire::OfferVerdict> offer_verdict;
@@ -185,14 +185,13 @@ class RawClient {
   return offer;
 }
 
-[[nodiscard]] inline wire::RelocQuery question_of(const RawClient& client, uint64_t seq,
-                                                  const PlaceView& view) {
-  wire::RelocQuery question;
-  question.client = client.id;
-  question.command = {client.session, seq};
-  question.small_image = encode_image(view.small, wire::ImageEncoding::kRaw);
-  question.corners = view.corners;
-  return question;
+[[nodiscard]] inline wire::RelocQuery query_of(const RawClient& client, uint64_t seq, const PlaceView& view) {
+  wire::RelocQuery query;
+  query.client = client.id;
+  query.command = {client.session, seq};
+  query.small_image = encode_image(view.small, wire::ImageEncoding::kRaw);
+  query.corners = view.corners;
+  return query;
 }
 
 }  // namespace cairn::testing

@@ -58,8 +58,8 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
   }
   [[nodiscard]] bool is_answered(Session& session) {
     session.send_query(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
-    std::optional<PlaceAnswer> answer;
-    EXPECT_TRUE(eventually([&] { return (answer = session.take_place_answer()).has_value(); }));
+    std::optional<RelocalizationAnswer> answer;
+    EXPECT_TRUE(eventually([&] { return (answer = session.take_relocalization_answer()).has_value(); }));
     return answer && std::ranges::any_of(answer->candidates, [&](const auto& c) { return c.map == map_; });
   }
   /// Within what a replica takes that is allowed: some tens of milliseconds.
@@ -96,13 +96,13 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
   struct Everything {
     wire::MapSeed seed;
     wire::KeyframeOffer offer;
-    wire::RelocQuery question;
+    wire::RelocQuery query;
     wire::ClientRequest request;
   };
   [[nodiscard]] Everything everything(const RawClient& client, uint64_t seq) {
     Everything all{testing::seed_of(client, seq, scene_),
                    testing::offer_of(client, seq, scene_, *anna_->snapshot(), 4),
-                   testing::question_of(client, seq, view()), new_label("by a raw client")};
+                   testing::query_of(client, seq, view()), new_label("by a raw client")};
     all.request.client = client.id;
     all.request.command = {client.session, seq};
     return all;
@@ -113,7 +113,7 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
     client.spin();
     (void)client.seeds.write(all.seed);
     (void)client.offers.write(all.offer);
-    (void)client.questions.write(all.question);
+    (void)client.queries.write(all.query);
     (void)client.requests.write(all.request);
   }
   [[nodiscard]] size_t map_count() { return ask_server({{"verb", "maps"}})["maps"].size(); }
@@ -281,7 +281,7 @@ class KeysOverDds : public RightsOverDds {
   void expect_nothing_passes(Session& session) {
     session.use_map(map_);
     session.send_query(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
-    EXPECT_FALSE(eventually([&] { return session.take_place_answer().has_value(); }, 1500ms));
+    EXPECT_FALSE(eventually([&] { return session.take_relocalization_answer().has_value(); }, 1500ms));
   }
   json audit_of(const std::string& action) {
     return ask_server({{"verb", "audit"}, {"action", action}})["entries"];

@@ -161,36 +161,36 @@ std::shared_ptr<const PlaceView> view_of(const GrayImage& image) {
   return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners()));
 }
 
-TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) {
+TEST_F(SessionTest, InLockstepAQueryIsAnsweredWithAPlaceInTheNewestRevision) {
   ASSERT_TRUE(session_->wait_for_server(60s));
   const auto image = scene_.render(testing::Scene::pose(1), 77);
   session_->send_query(view_of(*image), Timestamp{1});
   ASSERT_TRUE(session_->wait_until_settled(60s));
-  auto answer = session_->take_place_answer();
+  auto answer = session_->take_relocalization_answer();
   ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->verdict, PlaceVerdict::kNotKnown) << "there is no map yet";
+  EXPECT_EQ(answer->verdict, RelocalizationVerdict::kNotKnown) << "there is no map yet";
   EXPECT_FALSE(answer->reason.empty());
 
   seed();
   session_->send_query(view_of(*image), Timestamp{2});
   ASSERT_TRUE(session_->wait_until_settled(60s));
-  answer = session_->take_place_answer();
+  answer = session_->take_relocalization_answer();
   ASSERT_TRUE(answer.has_value());
-  ASSERT_EQ(answer->verdict, PlaceVerdict::kConfirmed) << answer->reason;
+  ASSERT_EQ(answer->verdict, RelocalizationVerdict::kConfirmed) << answer->reason;
   const MapSnapshotPtr map = session_->snapshot();
   const PlaceCandidate& place = answer->candidates.front();
   EXPECT_EQ(place.map, map->map);
   EXPECT_EQ(place.epoch, map->epoch);
   EXPECT_EQ(place.revision, map->revision);
   EXPECT_NE(map->find(place.keyframe), nullptr);
-  EXPECT_FALSE(session_->take_place_answer()) << "once";
+  EXPECT_FALSE(session_->take_relocalization_answer()) << "once";
 
   const auto elsewhere = testing::Scene(12).render(testing::Scene::pose(1), 77);
   session_->send_query(view_of(*elsewhere), Timestamp{3});
   ASSERT_TRUE(session_->wait_until_settled(60s));
-  answer = session_->take_place_answer();
+  answer = session_->take_relocalization_answer();
   ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(answer->verdict, RelocalizationVerdict::kNotKnown);
 }
 
 TEST_F(SessionTest, AnAnswerFromBeforeTheMapWasLeftIsForgotten) {
@@ -199,14 +199,14 @@ TEST_F(SessionTest, AnAnswerFromBeforeTheMapWasLeftIsForgotten) {
   session_->send_query(view, Timestamp{1});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   session_->leave_map();
-  EXPECT_FALSE(session_->take_place_answer()) << "had come";
+  EXPECT_FALSE(session_->take_relocalization_answer()) << "had come";
   session_->send_query(view, Timestamp{2});
   session_->leave_map();
   EXPECT_TRUE(session_->wait_until_settled(60s));
-  EXPECT_FALSE(session_->take_place_answer()) << "was on its way";
+  EXPECT_FALSE(session_->take_relocalization_answer()) << "was on its way";
   session_->send_query(view, Timestamp{3});
   ASSERT_TRUE(session_->wait_until_settled(60s));
-  EXPECT_TRUE(session_->take_place_answer()) << "the next question is answered";
+  EXPECT_TRUE(session_->take_relocalization_answer()) << "the next query is answered";
 }
 
 TEST_F(SessionTest, SeveralClientsFollowOneMap) {

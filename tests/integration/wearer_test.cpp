@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two cameras of one wearer: where the one is tracked narrows the answers to the other. Both map the same
-// place, so that a question has two right answers.
+// place, so that a query has two right answers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,26 +63,26 @@ class WearerTest : public ::testing::Test {
     images.build_pyramid(image->view());
     return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners()));
   }
-  PlaceAnswer ask(const View& view) {
+  RelocalizationAnswer ask(const View& view) {
     hand_->send_query(view, Timestamp{++time_});
     EXPECT_TRUE(hand_->wait_until_settled(60s));
-    return hand_->take_place_answer().value_or(PlaceAnswer{});
+    return hand_->take_relocalization_answer().value_or(RelocalizationAnswer{});
   }
   /// The shoulder camera goes on being tracked in `map` until the hand camera is told what `accept` takes.
   bool told_while_tracked_in(const MapId& map, const View& view,
-                             const std::function<bool(const PlaceAnswer&)>& accept) {
+                             const std::function<bool(const RelocalizationAnswer&)>& accept) {
     return eventually([&] {
       track_in(map);
       return accept(ask(view));
     });
   }
-  static std::set<MapId> maps_in(const PlaceAnswer& answer) {
+  static std::set<MapId> maps_in(const RelocalizationAnswer& answer) {
     std::set<MapId> maps;
     for (const PlaceCandidate& candidate : answer.candidates) maps.insert(candidate.map);
     return maps;
   }
-  static bool is_only(const PlaceAnswer& answer, const MapId& map) {
-    return answer.verdict == PlaceVerdict::kConfirmed && maps_in(answer) == std::set{map};
+  static bool is_only(const RelocalizationAnswer& answer, const MapId& map) {
+    return answer.verdict == RelocalizationVerdict::kConfirmed && maps_in(answer) == std::set{map};
   }
 
   const testing::Scene place_{11};
@@ -157,7 +157,7 @@ TEST_F(WearerTest, AnotherPlaceIsFoundAllTheSame) {
   const MapId here = make_map(*shoulder_, place_);
   const MapId there = make_map(*hand_, other_place_);
   EXPECT_TRUE(told_while_tracked_in(here, elsewhere_, [&](const auto& said) {
-    return said.verdict == PlaceVerdict::kConfirmed && said.candidates.front().map == there;
+    return said.verdict == RelocalizationVerdict::kConfirmed && said.candidates.front().map == there;
   }));
 }
 
@@ -166,7 +166,7 @@ TEST_F(WearerTest, ByThePapersRuleItIsNotUntilTheOtherCameraIsLost) {
   const MapId here = make_map(*shoulder_, place_);
   const MapId there = make_map(*hand_, other_place_);
   EXPECT_TRUE(told_while_tracked_in(here, elsewhere_, [&](const auto& said) {
-    return said.verdict == PlaceVerdict::kNotThere && !maps_in(said).contains(there);
+    return said.verdict == RelocalizationVerdict::kNotThere && !maps_in(said).contains(there);
   }));
   EXPECT_TRUE(told_while_tracked_in(here, here_, [&](const auto& said) { return is_only(said, here); }));
   // The shoulder camera gives no new images.
@@ -177,10 +177,10 @@ TEST_F(WearerTest, WhereTheOperatorHasRegisteredAClaimCountsForNothing) {
   start({WearerPolicy::kOnly, WearerList{{"shoulder", "anna"}}});
   const MapId here = make_map(*shoulder_, place_);
   const MapId there = make_map(*hand_, other_place_);
-  for (int question = 0; question < 5; ++question) {
+  for (int query = 0; query < 5; ++query) {
     track_in(here);
-    const PlaceAnswer said = ask(elsewhere_);
-    ASSERT_EQ(said.verdict, PlaceVerdict::kConfirmed);
+    const RelocalizationAnswer said = ask(elsewhere_);
+    ASSERT_EQ(said.verdict, RelocalizationVerdict::kConfirmed);
     EXPECT_EQ(said.candidates.front().map, there);
   }
 }

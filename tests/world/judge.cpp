@@ -106,9 +106,9 @@ class Judge {
 
  private:
   int place_named(const std::string& name) {
-    const auto found = std::ranges::find(verdict_.places, name, &PlaceVerdict::name);
+    const auto found = std::ranges::find(verdict_.places, name, &RelocalizationVerdict::name);
     if (found == verdict_.places.end()) verdict_.places.push_back({name, false, 0, {}});
-    return static_cast<int>(std::ranges::find(verdict_.places, name, &PlaceVerdict::name) -
+    return static_cast<int>(std::ranges::find(verdict_.places, name, &RelocalizationVerdict::name) -
                             verdict_.places.begin());
   }
 
@@ -352,16 +352,16 @@ Result<WalkRecord> read_walk(const std::filesystem::path& recording,
 }
 
 int Verdict::places_to_map() const {
-  return static_cast<int>(std::ranges::count(places, true, &PlaceVerdict::to_map));
+  return static_cast<int>(std::ranges::count(places, true, &RelocalizationVerdict::to_map));
 }
 
 int Verdict::places_mapped() const {
   return static_cast<int>(
-      std::ranges::count_if(places, [](const PlaceVerdict& p) { return p.to_map && p.maps > 0; }));
+      std::ranges::count_if(places, [](const RelocalizationVerdict& p) { return p.to_map && p.maps > 0; }));
 }
 
 int Verdict::places_found() const {
-  return static_cast<int>(std::ranges::count_if(places, [](const PlaceVerdict& place) {
+  return static_cast<int>(std::ranges::count_if(places, [](const RelocalizationVerdict& place) {
     return place.to_map && !place.visits.empty() &&
            std::ranges::all_of(place.visits,
                                [](const VisitVerdict& v) { return v.frames_to_lock.has_value(); });

@@ -72,7 +72,7 @@ struct VisitVerdict {
   std::optional<int> frames_to_lock;  ///< before the first that is right, in a map of the place
 };
 
-struct PlaceVerdict {
+struct RelocalizationVerdict {
   std::string name;
   bool to_map = false;  ///< it has a phase kMap
   int maps = 0;         ///< that have a home here
@@ -105,7 +105,7 @@ struct WrongLock {
 };
 
 struct Verdict {
-  std::vector<PlaceVerdict> places;
+  std::vector<RelocalizationVerdict> places;
   std::vector<MapVerdict> maps;
   std::vector<WrongLock> wrong_locks;  ///< in order
   std::vector<LabelVerdict> labels;    ///< one for each thing to be labelled, where labels were asked for

@@ -58,7 +58,7 @@ std::string labels_text(const Verdict& verdict) {
 std::string verdict_text(const Verdict& verdict) {
   std::string text = fmt::format("{:<14}{:>7}{:>6}  {}\n", "place", "to map", "maps",
                                  "visits: frames to lock (right + in another map + wrong, of frames)");
-  for (const PlaceVerdict& place : verdict.places) {
+  for (const RelocalizationVerdict& place : verdict.places) {
     text += fmt::format("{:<14}{:>7}{:>6} ", place.name, place.to_map ? "yes" : "no", place.maps);
     for (const VisitVerdict& visit : place.visits) {
       const std::string lock = visit.frames_to_lock ? std::to_string(*visit.frames_to_lock) : "-";
@@ -101,7 +101,7 @@ std::string verdict_json(const Verdict& verdict) {
       {"locks_excused", verdict.locks_excused()}, {"places", nlohmann::json::array()},
       {"maps", nlohmann::json::array()},          {"wrong_locks", nlohmann::json::array()},
       {"labels", nlohmann::json::array()}};
-  for (const PlaceVerdict& place : verdict.places) {
+  for (const RelocalizationVerdict& place : verdict.places) {
     auto visits = nlohmann::json::array();
     for (const VisitVerdict& visit : place.visits) visits.push_back(visit_json(visit));
     json["places"].push_back(

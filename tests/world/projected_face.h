@@ -47,7 +47,7 @@ struct IdealBox {
 
 /// A face as one camera position sees it. Over the ideal image plane the inverse depth and the texture
 /// coordinates divided by depth are linear, and a point is inside the face exactly where every edge function
-/// is >= 0: no clipping is needed, also with corners behind the camera (2-D homogeneous rasterisation, Olano
+/// is >= 0: no clipping is needed, also with corners behind the camera (2-D homogeneous rasterization, Olano
 /// and Greer, 1997).
 struct ProjectedFace {
   LinearFunction inverse_depth;  ///< [1/m], > 0 inside the face

@@ -20,7 +20,7 @@ constexpr const char* kDescription =
     "moment.";
 constexpr const char* kFooter =
     "ChArUco boards: as --draw draws them (OpenCV 4.6 and later, upper left square black). With an even "
-    "number of rows, those of OpenCV before 4.6 and of calib.io (white) are recognised too.\n"
+    "number of rows, those of OpenCV before 4.6 and of calib.io (white) are recognized too.\n"
     "Exit codes: 0 good or usable (written), 1 poor (not written), else as cairn-track\n\n"
     "Examples:\n"
     "  cairn-track calibrate --board charuco --squares 10x7 --draw board.png\n"

@@ -77,13 +77,13 @@ class Problem {
   }
 
   /// Levenberg-Marquardt over the poses and the camera's first `free` values.
-  void minimise(Eigen::Index free, State* state) const {
+  void minimize(Eigen::Index free, State* state) const {
     constexpr int kMaxIterations = 100;
     constexpr double kConverged = 1e-10;  // relative drop of the cost
     double damping = 1e-3;
     double now = cost(*state);
     for (int i = 0; i < kMaxIterations && damping < 1e10; ++i) {
-      const NormalEquations equations = linearise(*state, free);
+      const NormalEquations equations = linearize(*state, free);
       const auto next = step(*state, equations, free, damping);
       const double then = next ? cost(*next) : kInfinity;
       if (!(then < now)) {
@@ -149,7 +149,7 @@ class Problem {
     result.rms = std::sqrt(sum / static_cast<double>(count));
     const double freedom =
         2.0 * static_cast<double>(count) - static_cast<double>(free) - 6.0 * static_cast<double>(poses);
-    const Eigen::LDLT<Eigen::MatrixXd> reduced(reduced_camera(linearise(state, free), 0).first);
+    const Eigen::LDLT<Eigen::MatrixXd> reduced(reduced_camera(linearize(state, free), 0).first);
     const Eigen::MatrixXd inverse = reduced.solve(Eigen::MatrixXd::Identity(free, free));
     const Eigen::VectorXd variance = inverse.diagonal() * (sum / freedom);
     if (!(freedom > 0) || reduced.info() != Eigen::Success || !variance.allFinite() ||
@@ -196,7 +196,7 @@ class Problem {
     return sum;
   }
 
-  [[nodiscard]] NormalEquations linearise(const State& state, Eigen::Index free) const {
+  [[nodiscard]] NormalEquations linearize(const State& state, Eigen::Index free) const {
     NormalEquations n;
     n.camera = Eigen::MatrixXd::Zero(free, free);
     n.camera_gradient = Eigen::VectorXd::Zero(free);
@@ -283,10 +283,10 @@ Result<BoardCalibration> calibrate(CameraModel model, ImageSize size, const std:
   auto state = problem.guess();
   if (!state) return fail(ErrorCode::kDegenerate, "no view shows enough of the board");
   problem.drop_hopeless(&*state);
-  problem.minimise(kLinearAndFirstBend, &*state);
-  problem.minimise(kAllValues, &*state);
+  problem.minimize(kLinearAndFirstBend, &*state);
+  problem.minimize(kAllValues, &*state);
   problem.reject_outliers(&*state);
-  problem.minimise(kAllValues, &*state);
+  problem.minimize(kAllValues, &*state);
   return problem.report(*state, kAllValues);
 }
 

@@ -55,7 +55,7 @@ template <typename Message>
 /// The key members only; of an invalid sample (dispose) no others are set.
 template <typename Message>
 [[nodiscard]] Message decode_key(const DdsType<Message>& sample);
-/// Size of the content, within a few per cent of what is serialised.
+/// Size of the content, within a few per cent of what is serialized.
 template <typename Message>
 [[nodiscard]] size_t payload_bytes(const DdsType<Message>& sample);
 

@@ -125,13 +125,13 @@ Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.require(sample.verdict <= static_cast<uint8_t>(PlaceVerdict::kNotThere), "unknown verdict");
+  check.require(sample.verdict <= static_cast<uint8_t>(RelocalizationVerdict::kNotThere), "unknown verdict");
   check.text(sample.reason, kMaxReasonBytes);
   check.count(sample.candidates, kMaxPlaceCandidates);
   if (!check.passed()) return unfit(check.what());
   RelocAnswer message = decode_key<RelocAnswer>(sample);
   message.command = decode_command(sample.command);
-  message.answer.verdict = static_cast<PlaceVerdict>(sample.verdict);
+  message.answer.verdict = static_cast<RelocalizationVerdict>(sample.verdict);
   message.answer.reason = get_text(sample.reason);
   check.require(!has_place(message.answer.verdict) || sample.candidates._length > 0,
                 "a place without a candidate");

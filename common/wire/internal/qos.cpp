@@ -28,7 +28,7 @@ QosPtr common_qos(QosClass qos_class) {
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
       dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kCommandDepth);
       break;
-    case QosClass::kQuestion:
+    case QosClass::kClaimedQuery:
     case QosClass::kQuery:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
@@ -67,7 +67,7 @@ QosPtr reader_qos(QosClass qos_class) {
   switch (qos_class) {
     case QosClass::kCommand:
     case QosClass::kClaim:
-    case QosClass::kQuestion:
+    case QosClass::kClaimedQuery:
     case QosClass::kPresence:
       // Of one key the middleware keeps the newest of whoever wrote it: a client that claims another's would
       // push out what that one has said, before anybody looks whose it is.

@@ -315,7 +315,7 @@ std::string SimulatedClient::waits_for() const {
   if (seed_) return "the verdict on a seed";
   if (!offers_.empty()) return fmt::format("the verdict on offer {}", offers_.begin()->first);
   if (!requests_.empty()) return fmt::format("the verdict on request {}", requests_.begin()->first);
-  return query_ ? "an answer to a question" : "";
+  return query_ ? "an answer to a query" : "";
 }
 
 }  // namespace cairn::simulation

@@ -211,7 +211,7 @@ TEST_F(Nonsense, SeedsAreRefusedByName) {
   EXPECT_EQ(judge(views_.seed()), "") << "a sound one makes a map as before";
 }
 
-TEST_F(Nonsense, QuestionsAreRefusedByName) {
+TEST_F(Nonsense, QueriesAreRefusedByName) {
   using Query = wire::RelocQuery;
   const std::vector<Case<Query>> cases{
       {"by a camera that was never announced", [](Query& q) { q.camera = 77; }, "camera 77 in version 1"},

@@ -42,7 +42,7 @@ Status ServerRun::open(const Setup& setup) {
   options.access = site_->policy();
   if (setup.opened) setup.opened(*site_);
   service_ = std::make_unique<MapService>(
-      options, MapService::Executors{urgent_, background_, questions_, idle_, site_changes_}, store_.get(),
+      options, MapService::Executors{urgent_, background_, queries_, idle_, site_changes_}, store_.get(),
       *site_, in_process_, [this](Task task) { home_.submit(std::move(task)); }, setup.log);
   in_process_.serve(*service_);
   service_->resume(std::move(restored));
@@ -54,7 +54,7 @@ ServerRun::~ServerRun() {
 }
 
 bool ServerRun::run_something() {
-  std::array<SimulatedExecutor*, 8> executors{&home_, &urgent_,       &background_,  &questions_,
+  std::array<SimulatedExecutor*, 8> executors{&home_, &urgent_,       &background_,  &queries_,
                                               &idle_, &site_changes_, store_strand_, examiner_};
   std::array<SimulatedExecutor*, 8> ready{};
   size_t count = 0;
@@ -80,7 +80,7 @@ void ServerRun::tick_if_due() {
 void ServerRun::drop_all() {
   home_.stop();
   service_->stop();
-  for (SimulatedExecutor* executor : {&urgent_, &background_, &questions_, &idle_, &site_changes_})
+  for (SimulatedExecutor* executor : {&urgent_, &background_, &queries_, &idle_, &site_changes_})
     executor->stop();
 }
 

@@ -53,7 +53,7 @@ class ServerRun {
   SimulatedExecutor home_{1};
   SimulatedExecutor urgent_{2};
   SimulatedExecutor background_{1};
-  SimulatedExecutor questions_{2};
+  SimulatedExecutor queries_{2};
   SimulatedExecutor idle_{1};
   SimulatedExecutor site_changes_{1};
   InProcess in_process_;

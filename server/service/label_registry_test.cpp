@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/label_book.h"
+#include "server/service/label_registry.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ constexpr unsigned kSeed = 31;
 constexpr Epoch kEpoch{5};
 constexpr Timestamp kNow{100};
 
-class LabelBookTest : public ::testing::Test {
+class LabelRegistryTest : public ::testing::Test {
  protected:
   SE3 pose() {
     Vector6d xi;
@@ -49,32 +49,32 @@ class LabelBookTest : public ::testing::Test {
     wire::ClientRequest made = request(RequestAction::kAddLabel, {}, text);
     made.reference = reference;
     made.reference_from_label = reference_from_label;
-    const auto judged = book_.judge(made, "anna", kNow, map);
+    const auto judged = registry_.judge(made, "anna", kNow, map);
     EXPECT_EQ(judged.decision, RequestDecision::kDone) << judged.reason;
-    EXPECT_FALSE(book_.find(judged.label)) << "not before it is kept";
-    book_.settle(judged, true, map);
+    EXPECT_FALSE(registry_.find(judged.label)) << "not before it is kept";
+    registry_.settle(judged, true, map);
     return judged.label;
   }
 
   std::mt19937 random_{kSeed};
-  LabelBook book_;
+  LabelRegistry registry_;
 };
 
-TEST_F(LabelBookTest, ALabelRidesOnItsKeyframe) {
+TEST_F(LabelRegistryTest, ALabelRidesOnItsKeyframe) {
   for (int i = 0; i < 50; ++i) {
     SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", round " << i);
     const MapSnapshot before = map_of({pose(), pose()});
     const SE3 keyframe_from_label = pose();
     const LabelId id = add("vice", {2}, keyframe_from_label, before);
     const MapSnapshot after = map_of({pose(), pose()});
-    const auto moves = book_.follow(after);
+    const auto moves = registry_.follow(after);
     EXPECT_EQ(moves.moved.back(), id);
-    const SE3 seen = after.find(KeyframeId{2})->camera_from_map * book_.find(id)->map_from_label;
+    const SE3 seen = after.find(KeyframeId{2})->camera_from_map * registry_.find(id)->map_from_label;
     EXPECT_LT((seen * keyframe_from_label.inverse()).log().norm(), 1e-9);
   }
 }
 
-TEST_F(LabelBookTest, OnlyNoticeableMovesAreToldAndSmallOnesAddUp) {
+TEST_F(LabelRegistryTest, OnlyNoticeableMovesAreToldAndSmallOnesAddUp) {
   const SE3 keyframe = pose();
   const LabelId id = add("vice", {1}, SE3(Eigen::Quaterniond::Identity(), {0, 0, 2}), map_of({keyframe}));
   const auto moved_by = [&](double x) {
@@ -82,42 +82,42 @@ TEST_F(LabelBookTest, OnlyNoticeableMovesAreToldAndSmallOnesAddUp) {
   };
   int told = 0;
   for (int step = 1; step <= 20; ++step) {
-    const auto moves = book_.follow(moved_by(1e-4 * step));
+    const auto moves = registry_.follow(moved_by(1e-4 * step));
     told += static_cast<int>(moves.moved.size());
     EXPECT_TRUE(moves.anchored.empty());
   }
   EXPECT_EQ(told, 2) << "2 mm seen from 2 m, told every 0.8 mm";
-  EXPECT_TRUE(book_.follow(moved_by(2e-3)).moved.empty());
-  EXPECT_TRUE(book_.find(id));
+  EXPECT_TRUE(registry_.follow(moved_by(2e-3)).moved.empty());
+  EXPECT_TRUE(registry_.find(id));
 }
 
-TEST_F(LabelBookTest, WhenItsKeyframeGoesItStaysAndSticksToTheNearest) {
+TEST_F(LabelRegistryTest, WhenItsKeyframeGoesItStaysAndSticksToTheNearest) {
   const SE3 near(Eigen::Quaterniond::Identity(), {0.1, 0, 0});
   const SE3 far(Eigen::Quaterniond::Identity(), {9, 0, 0});
   const LabelId id =
       add("vice", {1}, SE3(Eigen::Quaterniond::Identity(), {0, 0, 1}), map_of({SE3(), far, near}));
-  const SE3 before = book_.find(id)->map_from_label;
-  const auto moves = book_.follow(map_of({std::nullopt, far, near}));
+  const SE3 before = registry_.find(id)->map_from_label;
+  const auto moves = registry_.follow(map_of({std::nullopt, far, near}));
   ASSERT_EQ(moves.anchored.size(), 1U);
   EXPECT_EQ(moves.anchored[0].anchor, KeyframeId{3});
   EXPECT_TRUE(moves.moved.empty());
-  EXPECT_LT((book_.find(id)->map_from_label * before.inverse()).log().norm(), 1e-12);
-  EXPECT_TRUE(book_.follow(map_of({std::nullopt, far, near})).anchored.empty()) << "once";
-  EXPECT_TRUE(book_.follow(map_of({std::nullopt, std::nullopt, std::nullopt})).anchored.empty());
-  EXPECT_TRUE(book_.find(id)) << "a map without keyframes loses no label";
+  EXPECT_LT((registry_.find(id)->map_from_label * before.inverse()).log().norm(), 1e-12);
+  EXPECT_TRUE(registry_.follow(map_of({std::nullopt, far, near})).anchored.empty()) << "once";
+  EXPECT_TRUE(registry_.follow(map_of({std::nullopt, std::nullopt, std::nullopt})).anchored.empty());
+  EXPECT_TRUE(registry_.find(id)) << "a map without keyframes loses no label";
 }
 
-TEST_F(LabelBookTest, WhatIsKeptComesBackInTheMapAsItIsNow) {
+TEST_F(LabelRegistryTest, WhatIsKeptComesBackInTheMapAsItIsNow) {
   const MapSnapshot map = map_of({pose(), pose()});
   wire::ClientRequest made = request(RequestAction::kAddLabel, {}, "vice");
   made.reference_from_label = pose();
-  const auto judged = book_.judge(made, "anna", kNow, map);
+  const auto judged = registry_.judge(made, "anna", kNow, map);
   ASSERT_TRUE(judged.changed.has_value());
   LabelRecord lost_anchor = *judged.changed;
   lost_anchor.id = 8;
   lost_anchor.anchor = {77};
 
-  LabelBook restored;
+  LabelRegistry restored;
   restored.restore({*judged.changed, lost_anchor});
   const MapSnapshot adjusted = map_of({pose(), pose()});
   const auto moves = restored.follow(adjusted);
@@ -135,8 +135,8 @@ TEST_F(LabelBookTest, WhatIsKeptComesBackInTheMapAsItIsNow) {
   EXPECT_EQ(next.label, LabelId{9}) << "ids go on after the highest";
 }
 
-TEST_F(LabelBookTest, AnIdThatWasGivenBeforeTheRestartIsNotGivenAgain) {
-  LabelBook restored;
+TEST_F(LabelRegistryTest, AnIdThatWasGivenBeforeTheRestartIsNotGivenAgain) {
+  LabelRegistry restored;
   restored.restore({}, LabelId{4});  // removed since
   wire::ClientRequest made = request(RequestAction::kAddLabel, {}, "vice");
   made.reference_from_label = pose();
@@ -144,34 +144,34 @@ TEST_F(LabelBookTest, AnIdThatWasGivenBeforeTheRestartIsNotGivenAgain) {
   EXPECT_EQ(restored.judge(made, "anna", kNow, map_of({pose()})).label, LabelId{5});
 }
 
-TEST_F(LabelBookTest, ChangesTakeEffectWhenTheyAreKeptAndNotOtherwise) {
+TEST_F(LabelRegistryTest, ChangesTakeEffectWhenTheyAreKeptAndNotOtherwise) {
   const MapSnapshot map = map_of({pose()});
   const LabelId id = add("vise", {1}, pose(), map);
-  auto judged = book_.judge(request(RequestAction::kRenameLabel, id, "vice"), "bob", Timestamp{200}, map);
+  auto judged = registry_.judge(request(RequestAction::kRenameLabel, id, "vice"), "bob", Timestamp{200}, map);
   ASSERT_EQ(judged.decision, RequestDecision::kDone);
-  EXPECT_TRUE(book_.is_busy(id));
-  EXPECT_EQ(book_.find(id)->text, "vise");
-  book_.settle(judged, false, map);
-  EXPECT_FALSE(book_.is_busy(id));
-  EXPECT_EQ(book_.find(id)->text, "vise");
-  judged = book_.judge(request(RequestAction::kRenameLabel, id, "vice"), "bob", Timestamp{200}, map);
-  book_.settle(judged, true, map);
-  EXPECT_EQ(book_.find(id)->text, "vice");
-  EXPECT_EQ(book_.find(id)->author, "bob");
-  judged = book_.judge(request(RequestAction::kRemoveLabel, id), "bob", kNow, map);
+  EXPECT_TRUE(registry_.is_busy(id));
+  EXPECT_EQ(registry_.find(id)->text, "vise");
+  registry_.settle(judged, false, map);
+  EXPECT_FALSE(registry_.is_busy(id));
+  EXPECT_EQ(registry_.find(id)->text, "vise");
+  judged = registry_.judge(request(RequestAction::kRenameLabel, id, "vice"), "bob", Timestamp{200}, map);
+  registry_.settle(judged, true, map);
+  EXPECT_EQ(registry_.find(id)->text, "vice");
+  EXPECT_EQ(registry_.find(id)->author, "bob");
+  judged = registry_.judge(request(RequestAction::kRemoveLabel, id), "bob", kNow, map);
   EXPECT_FALSE(judged.changed);
-  EXPECT_TRUE(book_.find(id));
-  book_.settle(judged, true, map);
-  EXPECT_FALSE(book_.find(id));
+  EXPECT_TRUE(registry_.find(id));
+  registry_.settle(judged, true, map);
+  EXPECT_FALSE(registry_.find(id));
 }
 
-TEST_F(LabelBookTest, ARefusalSaysWhyAndLeavesNothingBehind) {
+TEST_F(LabelRegistryTest, ARefusalSaysWhyAndLeavesNothingBehind) {
   const MapSnapshot map = map_of({pose(), std::nullopt});
   const auto refused = [&](const wire::ClientRequest& made) {
-    const auto judged = book_.judge(made, "anna", kNow, map);
+    const auto judged = registry_.judge(made, "anna", kNow, map);
     EXPECT_FALSE(judged.reason.empty());
     EXPECT_FALSE(judged.changed);
-    EXPECT_FALSE(book_.is_busy(made.label));
+    EXPECT_FALSE(registry_.is_busy(made.label));
     return judged.decision;
   };
   EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, "  ")), RequestDecision::kUnfit);
@@ -189,15 +189,15 @@ TEST_F(LabelBookTest, ARefusalSaysWhyAndLeavesNothingBehind) {
   EXPECT_EQ(refused(stale), RequestDecision::kStale) << "of another epoch";
 }
 
-TEST_F(LabelBookTest, AMapHasNoMoreLabelsThanItMay) {
+TEST_F(LabelRegistryTest, AMapHasNoMoreLabelsThanItMay) {
   const MapSnapshot map = map_of({SE3()});
   const wire::ClientRequest made = request(RequestAction::kAddLabel, {}, "x");
   for (size_t i = 0; i < kMaxLabels; ++i) {
-    const auto judged = book_.judge(made, "anna", kNow, map);
+    const auto judged = registry_.judge(made, "anna", kNow, map);
     ASSERT_EQ(judged.decision, RequestDecision::kDone) << i;
-    if (i % 2 == 0) book_.settle(judged, true, map);  // the others are on their way
+    if (i % 2 == 0) registry_.settle(judged, true, map);  // the others are on their way
   }
-  EXPECT_EQ(book_.judge(made, "anna", kNow, map).decision, RequestDecision::kFull);
+  EXPECT_EQ(registry_.judge(made, "anna", kNow, map).decision, RequestDecision::kFull);
 }
 
 }  // namespace

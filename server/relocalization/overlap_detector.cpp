@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/overlap_book.h"
+#include "server/relocalization/overlap_detector.h"
 
 #include <algorithm>
 #include <utility>
@@ -29,8 +29,8 @@ std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& cam
                                              const RelocOptions& options) {
   std::vector<PlaceCandidate> found;
   while (found.size() < kMostMapsOfAPlace && index.keyframe_count() > 0) {
-    const PlaceAnswer answer = relocalize(index, camera, view, options);
-    if (answer.verdict != PlaceVerdict::kConfirmed) break;
+    const RelocalizationAnswer answer = relocalize(index, camera, view, options);
+    if (answer.verdict != RelocalizationVerdict::kConfirmed) break;
     for (const PlaceCandidate& candidate : answer.candidates) {
       const bool is_known = std::ranges::any_of(found, [&](const auto& f) { return f.map == candidate.map; });
       if (!candidate.confirmed || is_known) continue;
@@ -41,7 +41,7 @@ std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& cam
   return found;
 }
 
-void OverlapBook::note_searched(const IndexedMap& map) {
+void OverlapDetector::note_searched(const IndexedMap& map) {
   ++clock_;
   const Entries before = std::exchange(keyframes_[map.snapshot->map], {});
   Entries& now = keyframes_[map.snapshot->map];
@@ -52,15 +52,15 @@ void OverlapBook::note_searched(const IndexedMap& map) {
   }
 }
 
-void OverlapBook::remove(const MapId& map) {
+void OverlapDetector::remove(const MapId& map) {
   keyframes_.erase(map);
   std::erase_if(shown_,
                 [&](const auto& entry) { return entry.first.one == map || entry.first.other == map; });
 }
 
-std::vector<Overlap> OverlapBook::note_answer(const MapId& map, KeyframeId keyframe, uint64_t time,
-                                              std::span<const PlaceCandidate> found,
-                                              const PlaceIndex& index) {
+std::vector<Overlap> OverlapDetector::note_answer(const MapId& map, KeyframeId keyframe, uint64_t time,
+                                                  std::span<const PlaceCandidate> found,
+                                                  const PlaceIndex& index) {
   const auto entries = keyframes_.find(map);
   if (entries == keyframes_.end()) return {};
   const auto entry = entries->second.find(keyframe);
@@ -79,7 +79,7 @@ std::vector<Overlap> OverlapBook::note_answer(const MapId& map, KeyframeId keyfr
   return overlaps;
 }
 
-std::optional<Overlap> OverlapBook::judge(const MapPair& pair, const PlaceIndex& index) const {
+std::optional<Overlap> OverlapDetector::judge(const MapPair& pair, const PlaceIndex& index) const {
   const IndexedMap* one = index.find(pair.one);
   const IndexedMap* other = index.find(pair.other);
   if (one == nullptr || other == nullptr) return std::nullopt;
@@ -111,8 +111,8 @@ std::optional<Overlap> OverlapBook::judge(const MapPair& pair, const PlaceIndex&
   return overlap;
 }
 
-size_t OverlapBook::count_missing(const IndexedMap& asked, const IndexedMap& other,
-                                  const Similarity3& other_from_asked, uint64_t since) const {
+size_t OverlapDetector::count_missing(const IndexedMap& asked, const IndexedMap& other,
+                                      const Similarity3& other_from_asked, uint64_t since) const {
   struct Standing {
     const KeyframePose* pose;
     Eigen::Vector3d center;

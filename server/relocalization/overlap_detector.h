@@ -32,7 +32,7 @@ struct Overlap {
 };
 
 /// Where an image was taken in each map of the index that has its place: the best confirmed candidate of
-/// each, of a handful of maps at most. As long as a question for each map that has it, and one more.
+/// each, of a handful of maps at most. As long as a query for each map that has it, and one more.
 [[nodiscard]] std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& camera,
                                                            const PlaceView& view,
                                                            const RelocOptions& options);
@@ -46,13 +46,13 @@ struct Overlap {
 /// recognized from about where it was mapped, all but always; a place like it from here and there.
 ///
 /// One thread at a time. Takes some 100 bytes a keyframe.
-class OverlapBook {
+class OverlapDetector {
  public:
   static constexpr size_t kLeastKeyframes = 3;
 
   /// A map is searched as it is in `map` from here on.
   void note_searched(const IndexedMap& map);
-  /// When a question is put, before its index is taken: what is searched by then, it is about.
+  /// When a query is put, before its index is taken: what is searched by then, it is about.
   [[nodiscard]] uint64_t now() { return ++clock_; }
   /// A keyframe of a map has been asked about at `time` in all others of `index`: where it is `found`, one
   /// candidate a map. The overlaps of its map with these, if there are any. Maps that are not searched any

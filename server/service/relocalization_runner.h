@@ -17,22 +17,22 @@
 
 namespace cairn {
 
-/// A question where an image was taken, from the wire.
-struct PlaceQuery {
+/// A relocalization query: where was this image taken, from the wire.
+struct RelocalizationQuery {
   CameraPtr camera;
   PlaceView view;
   SearchScope scope;
   bool lockstep = false;  ///< answered with all that has been reported, not with what is indexed yet
 };
 
-/// The relocalizer at work: keeps the index over all maps and answers questions, each on workers of its own
+/// The relocalizer at work: keeps the index over all maps and answers queries, each on workers of its own
 /// executor and never on a map's queue: who is lost waits neither for map work nor for an index in the
 /// making. Queries read an immutable index; a new one is made beside them, and where it has many images a
 /// forest of them on the background executor: until that is done, what it will have is scanned. Thread-safe;
 /// tasks keep it alive.
-class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
+class RelocalizationRunner : public std::enable_shared_from_this<RelocalizationRunner> {
  public:
-  using Done = std::function<void(PlaceAnswer answer)>;
+  using Done = std::function<void(RelocalizationAnswer answer)>;
 
   struct Executors {
     Executor& indexers;
@@ -44,9 +44,9 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     std::function<void(const IndexedMapPtr& map, std::span<const KeyframeView> views)> searched;
     std::function<void(const MapId& map)> removed;
   };
-  /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the desk.
-  PlaceDesk(Executors executors, const RelocOptions& options, std::shared_ptr<const Clock> clock, Logger log,
-            WorkTimes* times = nullptr)
+  /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the runner.
+  RelocalizationRunner(Executors executors, const RelocOptions& options, std::shared_ptr<const Clock> clock,
+                       Logger log, WorkTimes* times = nullptr)
       : executors_(executors),
         options_(options),
         clock_(std::move(clock)),
@@ -61,11 +61,11 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   /// that are new in it.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {},
               std::vector<MonotonicTime> offered = {});
-  /// The map is gone: soon no question is answered with it. Does not wait.
+  /// The map is gone: soon no query is answered with it. Does not wait.
   void remove(const MapId& map);
   /// `done` is called on an answerer, whatever happens.
-  void ask(PlaceQuery query, Done done);
-  /// As a question would be answered with now.
+  void ask(RelocalizationQuery query, Done done);
+  /// As a query would be answered with now.
   [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
 
  private:

@@ -27,9 +27,9 @@ struct ProposalLimits {
 
 /// Which keyframes are kept aside, whether there is room for another, and which go for it: the oldest of the
 /// client that has the most. Pure; used from one thread.
-class ProposalBook {
+class ProposalRegistry {
  public:
-  explicit ProposalBook(const ProposalLimits& limits = {}) : limits_(limits) {}
+  explicit ProposalRegistry(const ProposalLimits& limits = {}) : limits_(limits) {}
 
   /// Those of a map from the store, in place of what was known of it; `last`: the highest number that it has
   /// ever given to one. No number is given again.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/place_desk.h"
+#include "server/service/relocalization_runner.h"
 
 #include <gtest/gtest.h>
 
@@ -37,23 +37,24 @@ MapSnapshotPtr snapshot_with(uint8_t id, size_t keyframes) {
   return snapshot;
 }
 
-PlaceQuery query_of(const KeyframeView& keyframe, bool lockstep) {
-  PlaceQuery query;
+RelocalizationQuery query_of(const KeyframeView& keyframe, bool lockstep) {
+  RelocalizationQuery query;
   query.camera = keyframe.camera;
   query.view.small.assign(keyframe.pyramid->level(kPyramidLevels - 1));
   query.lockstep = lockstep;
   return query;
 }
 
-class PlaceDeskTest : public ::testing::Test {
+class RelocalizationRunnerTest : public ::testing::Test {
  protected:
-  PlaceDeskTest() {
+  RelocalizationRunnerTest() {
     options_.method = RelocMethod::kPaper;  // answers by images alone
     open_desk();
   }
   void open_desk() {
-    desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Executors{indexers_, answerers_, planters_}, options_,
-                                        std::make_shared<SystemClock>(), null_logger(), &times_);
+    runner_ = std::make_shared<RelocalizationRunner>(
+        RelocalizationRunner::Executors{indexers_, answerers_, planters_}, options_,
+        std::make_shared<SystemClock>(), null_logger(), &times_);
   }
   [[nodiscard]] int searchable() const {
     return nlohmann::json::parse(to_json(times_.summaries()))
@@ -61,9 +62,10 @@ class PlaceDeskTest : public ::testing::Test {
         .at("count")
         .get<int>();
   }
-  PlaceAnswer ask(const KeyframeView& keyframe, bool lockstep = true) {
-    std::promise<PlaceAnswer> answer;
-    desk_->ask(query_of(keyframe, lockstep), [&](PlaceAnswer said) { answer.set_value(std::move(said)); });
+  RelocalizationAnswer ask(const KeyframeView& keyframe, bool lockstep = true) {
+    std::promise<RelocalizationAnswer> answer;
+    runner_->ask(query_of(keyframe, lockstep),
+                 [&](RelocalizationAnswer said) { answer.set_value(std::move(said)); });
     return answer.get_future().get();
   }
 
@@ -71,7 +73,7 @@ class PlaceDeskTest : public ::testing::Test {
   [[nodiscard]] bool is_found_in(const MapId& map, const KeyframeView& keyframe) {
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
     while (std::chrono::steady_clock::now() < deadline) {
-      const PlaceAnswer answer = ask(keyframe, false);
+      const RelocalizationAnswer answer = ask(keyframe, false);
       if (answer.candidates.empty()) continue;
       const PlaceCandidate& best = answer.candidates.front();
       if (best.map == map && best.keyframe == keyframe.id) return true;
@@ -84,94 +86,94 @@ class PlaceDeskTest : public ::testing::Test {
   WorkerPool planters_{1, 0, make_logger("test")};
   RelocOptions options_;
   WorkTimes times_;
-  std::shared_ptr<PlaceDesk> desk_;
+  std::shared_ptr<RelocalizationRunner> runner_;
 };
 
-TEST_F(PlaceDeskTest, ALockstepQuestionIsAnsweredWithAllThatWasReported) {
+TEST_F(RelocalizationRunnerTest, ALockstepQueryIsAnsweredWithAllThatWasReported) {
   const KeyframeView first = flat_keyframe(1, 3);
   const KeyframeView second = flat_keyframe(2, 7);
-  EXPECT_EQ(ask(first).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(ask(first).verdict, RelocalizationVerdict::kNotKnown);
   for (int round = 0; round < 50; ++round) {
-    desk_->report(snapshot_with(1, 1), {first});
+    runner_->report(snapshot_with(1, 1), {first});
     EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{1});
-    desk_->report(snapshot_with(1, 2), {first, second});
+    runner_->report(snapshot_with(1, 2), {first, second});
     EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
   }
 }
 
-TEST_F(PlaceDeskTest, AnImageThatWasEvictedIsFoundAsItWasIndexed) {
+TEST_F(RelocalizationRunnerTest, AnImageThatWasEvictedIsFoundAsItWasIndexed) {
   const auto without_image = [](KeyframeView view) {
     view.pyramid = nullptr;
     return view;
   };
   const KeyframeView first = flat_keyframe(1, 3);
   const KeyframeView second = flat_keyframe(2, 7);
-  desk_->report(snapshot_with(1, 2), {first, without_image(second)});
+  runner_->report(snapshot_with(1, 2), {first, without_image(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{1}) << "never seen: left out";
-  desk_->report(snapshot_with(1, 2), {without_image(first), second});
+  runner_->report(snapshot_with(1, 2), {without_image(first), second});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
-  desk_->report(snapshot_with(1, 2), {without_image(first), without_image(second)});
+  runner_->report(snapshot_with(1, 2), {without_image(first), without_image(second)});
   EXPECT_EQ(ask(first).candidates.front().keyframe, KeyframeId{1});
   KeyframeView measured_anew = without_image(second);
   measured_anew.measurements.push_back({PointId{1}, 0, {10, 10}});
-  desk_->report(snapshot_with(1, 2), {without_image(first), measured_anew});
+  runner_->report(snapshot_with(1, 2), {without_image(first), measured_anew});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
   const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second});
-  desk_->remove(snapshot_with(1, 2)->map);
-  desk_->report(indexed->snapshot, {without_image(first), without_image(second)}, indexed);
-  desk_->report(indexed->snapshot, {without_image(first), without_image(second)});
+  runner_->remove(snapshot_with(1, 2)->map);
+  runner_->report(indexed->snapshot, {without_image(first), without_image(second)}, indexed);
+  runner_->report(indexed->snapshot, {without_image(first), without_image(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
 }
 
-TEST_F(PlaceDeskTest, AKeyframeIsCountedOnceItIsSearchableAlsoOfAStateThatWasPassedOver) {
+TEST_F(RelocalizationRunnerTest, AKeyframeIsCountedOnceItIsSearchableAlsoOfAStateThatWasPassedOver) {
   const MonotonicTime now = std::chrono::steady_clock::now();
   std::promise<void> indexing_may_begin;
   indexers_.submit([may_begin = indexing_may_begin.get_future().share()] { may_begin.wait(); });
-  desk_->report(snapshot_with(1, 1), {flat_keyframe(1, 3)}, {}, {now});
-  desk_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)}, {}, {now});
+  runner_->report(snapshot_with(1, 1), {flat_keyframe(1, 3)}, {}, {now});
+  runner_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)}, {}, {now});
   EXPECT_EQ(searchable(), 0);
   indexing_may_begin.set_value();
   EXPECT_EQ(ask(flat_keyframe(2, 5)).candidates.front().keyframe, KeyframeId{2});
   EXPECT_EQ(searchable(), 2);
-  desk_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)});
+  runner_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)});
   EXPECT_EQ(ask(flat_keyframe(1, 3)).candidates.front().keyframe, KeyframeId{1});
   EXPECT_EQ(searchable(), 2);
 }
 
-TEST_F(PlaceDeskTest, WhoListensIsToldInOrderWhatIsSearchedByThen) {
+TEST_F(RelocalizationRunnerTest, WhoListensIsToldInOrderWhatIsSearchedByThen) {
   std::vector<std::pair<MapId, size_t>> told;  // 0 keyframes: removed
-  desk_->listen({[&](const IndexedMapPtr& map, std::span<const KeyframeView> views) {
-                   EXPECT_EQ(desk_->index()->find(map->snapshot->map), map.get());
-                   EXPECT_EQ(views.size(), map->keyframes.size());
-                   told.emplace_back(map->snapshot->map, map->keyframes.size());
-                 },
-                 [&](const MapId& map) {
-                   EXPECT_EQ(desk_->index()->find(map), nullptr);
-                   told.emplace_back(map, 0);
-                 }});
+  runner_->listen({[&](const IndexedMapPtr& map, std::span<const KeyframeView> views) {
+                     EXPECT_EQ(runner_->index()->find(map->snapshot->map), map.get());
+                     EXPECT_EQ(views.size(), map->keyframes.size());
+                     told.emplace_back(map->snapshot->map, map->keyframes.size());
+                   },
+                   [&](const MapId& map) {
+                     EXPECT_EQ(runner_->index()->find(map), nullptr);
+                     told.emplace_back(map, 0);
+                   }});
   const KeyframeView first = flat_keyframe(1, 3);
   const KeyframeView second = flat_keyframe(2, 7);
   const MapId map = snapshot_with(1, 0)->map;
-  desk_->report(snapshot_with(1, 1), {first});
+  runner_->report(snapshot_with(1, 1), {first});
   (void)ask(first);
-  desk_->report(snapshot_with(1, 2), {first, second});
+  runner_->report(snapshot_with(1, 2), {first, second});
   (void)ask(first);
-  desk_->remove(map);
+  runner_->remove(map);
   (void)ask(first);
   EXPECT_EQ(told, (std::vector<std::pair<MapId, size_t>>{{map, 1}, {map, 2}, {map, 0}}));
 }
 
-TEST_F(PlaceDeskTest, ARemovedMapIsNotAnswered) {
+TEST_F(RelocalizationRunnerTest, ARemovedMapIsNotAnswered) {
   const KeyframeView keyframe = flat_keyframe(1, 3);
-  desk_->report(snapshot_with(1, 1), {keyframe});
-  desk_->report(snapshot_with(2, 1), {keyframe});
-  desk_->remove(snapshot_with(1, 1)->map);
+  runner_->report(snapshot_with(1, 1), {keyframe});
+  runner_->report(snapshot_with(2, 1), {keyframe});
+  runner_->remove(snapshot_with(1, 1)->map);
   EXPECT_EQ(ask(keyframe).candidates.front().map, snapshot_with(2, 1)->map);
-  desk_->remove(snapshot_with(2, 1)->map);
-  EXPECT_EQ(ask(keyframe).verdict, PlaceVerdict::kNotKnown);
+  runner_->remove(snapshot_with(2, 1)->map);
+  EXPECT_EQ(ask(keyframe).verdict, RelocalizationVerdict::kNotKnown);
 }
 
-TEST_F(PlaceDeskTest, AKeyframeIsFoundBeforeItIsInTheForestAndAfter) {
+TEST_F(RelocalizationRunnerTest, AKeyframeIsFoundBeforeItIsInTheForestAndAfter) {
   options_.method = RelocMethod::kImproved;
   options_.most_scanned = 4;
   open_desk();
@@ -182,24 +184,24 @@ TEST_F(PlaceDeskTest, AKeyframeIsFoundBeforeItIsInTheForestAndAfter) {
   for (uint64_t id = 1; id <= 9; ++id) keyframes.push_back(flat_keyframe(id, 7 + 2 * static_cast<int>(id)));
   const MapId map = snapshot_with(1, 0)->map;
   const std::vector<KeyframeView> early(keyframes.begin(), keyframes.begin() + 6);
-  desk_->report(snapshot_with(1, early.size()), early);
+  runner_->report(snapshot_with(1, early.size()), early);
   for (const KeyframeView& k : early) EXPECT_TRUE(is_found_in(map, k));
-  desk_->report(snapshot_with(1, keyframes.size()), keyframes);
+  runner_->report(snapshot_with(1, keyframes.size()), keyframes);
   for (const KeyframeView& k : keyframes) EXPECT_TRUE(is_found_in(map, k));
-  EXPECT_EQ(desk_->index()->forest(), nullptr);
+  EXPECT_EQ(runner_->index()->forest(), nullptr);
 
   planting_may_begin.set_value();
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (desk_->index()->forest() == nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-  EXPECT_EQ(desk_->index()->planted().size(), keyframes.size());
+  while (runner_->index()->forest() == nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  EXPECT_EQ(runner_->index()->planted().size(), keyframes.size());
   for (const KeyframeView& k : keyframes) EXPECT_TRUE(is_found_in(map, k));
   const KeyframeView elsewhere = flat_keyframe(1, 31);
-  desk_->report(snapshot_with(2, 1), {elsewhere});
+  runner_->report(snapshot_with(2, 1), {elsewhere});
   EXPECT_TRUE(is_found_in(snapshot_with(2, 1)->map, elsewhere));
-  EXPECT_EQ(desk_->index()->planted().size(), keyframes.size());
+  EXPECT_EQ(runner_->index()->planted().size(), keyframes.size());
 
-  desk_->remove(map);  // and with it the forest, as too little is left
-  while (desk_->index()->forest() != nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  runner_->remove(map);  // and with it the forest, as too little is left
+  while (runner_->index()->forest() != nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
   EXPECT_TRUE(is_found_in(snapshot_with(2, 1)->map, elsewhere));
   for (const KeyframeView& k : keyframes)
     for (const PlaceCandidate& c : ask(k, false).candidates) EXPECT_NE(c.map, map);

@@ -21,7 +21,7 @@ namespace cairn {
 /// The labels of one map. Each sticks to a keyframe, the one that it was pointed at from, and so rides on
 /// adjustments; when that keyframe is gone, to the one nearest to the label. What a person asks for is judged
 /// first and takes effect when it has been kept. Pure. Used from one thread.
-class LabelBook {
+class LabelRegistry {
  public:
   /// What came of a request.
   struct Judgement {

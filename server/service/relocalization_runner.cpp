@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/place_desk.h"
+#include "server/service/relocalization_runner.h"
 
 #include <exception>
 #include <utility>
 
 namespace cairn {
 
-void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed,
-                       std::vector<MonotonicTime> offered) {
+void RelocalizationRunner::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views,
+                                  IndexedMapPtr indexed, std::vector<MonotonicTime> offered) {
   const MapId map = snapshot->map;
   note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed), std::move(offered)});
 }
 
-void PlaceDesk::remove(const MapId& map) {
+void RelocalizationRunner::remove(const MapId& map) {
   note(map, Reported{});
 }
 
-void PlaceDesk::note(const MapId& map, Reported reported) {
+void RelocalizationRunner::note(const MapId& map, Reported reported) {
   const std::scoped_lock lock(mutex_);
   Reported& newest = reported_[map];
   if (reported.snapshot != nullptr && reported.indexed == nullptr)
@@ -33,7 +33,7 @@ void PlaceDesk::note(const MapId& map, Reported reported) {
   });
 }
 
-void PlaceDesk::catch_up() {
+void RelocalizationRunner::catch_up() {
   const std::scoped_lock one_at_a_time(changing_);
   std::map<MapId, Reported> waiting;
   {
@@ -56,7 +56,7 @@ void PlaceDesk::catch_up() {
   plant_if_needed();
 }
 
-void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
+void RelocalizationRunner::adopt(const MapId& map, const Reported& reported) {
   PlaceIndex next = *index();
   if (reported.snapshot == nullptr) {
     next.remove(map);
@@ -78,13 +78,13 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
   }
 }
 
-void PlaceDesk::plant_if_needed() {
+void RelocalizationRunner::plant_if_needed() {
   if (planting_ || !index()->needs_planting(options_.most_scanned)) return;
   planting_ = true;
   executors_.planters.submit([self = shared_from_this()] { self->plant(); });
 }
 
-void PlaceDesk::plant() {
+void RelocalizationRunner::plant() {
   std::optional<ImageForestPtr> forest;
   try {
     forest = plant_forest(*index(), options_.most_scanned);
@@ -96,7 +96,7 @@ void PlaceDesk::plant() {
       [self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });
 }
 
-void PlaceDesk::adopt(std::optional<ImageForestPtr> forest) {
+void RelocalizationRunner::adopt(std::optional<ImageForestPtr> forest) {
   const std::scoped_lock one_at_a_time(changing_);
   planting_ = false;
   if (!forest) return;
@@ -106,21 +106,22 @@ void PlaceDesk::adopt(std::optional<ImageForestPtr> forest) {
   plant_if_needed();  // what came meanwhile
 }
 
-void PlaceDesk::publish(PlaceIndex next) {
+void RelocalizationRunner::publish(PlaceIndex next) {
   auto shared = std::make_shared<const PlaceIndex>(std::move(next));
   const std::scoped_lock lock(mutex_);
   index_.swap(shared);
 }
 
-std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
+std::shared_ptr<const PlaceIndex> RelocalizationRunner::index() const {
   const std::scoped_lock lock(mutex_);
   return index_;
 }
 
-void PlaceDesk::ask(PlaceQuery query, Done done) {
-  auto shared = std::make_shared<const PlaceQuery>(std::move(query));
+void RelocalizationRunner::ask(RelocalizationQuery query, Done done) {
+  auto shared = std::make_shared<const RelocalizationQuery>(std::move(query));
   executors_.answerers.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
-    PlaceAnswer answer{PlaceVerdict::kNotThere, {}, "internal error; the server's log says more"};
+    RelocalizationAnswer answer{
+        RelocalizationVerdict::kNotThere, {}, "internal error; the server's log says more"};
     try {
       RelocOptions options = self->options_;
       if (query->lockstep) {
@@ -129,7 +130,7 @@ void PlaceDesk::ask(PlaceQuery query, Done done) {
       }
       answer = relocalize(*self->index(), *query->camera, query->view, options, query->scope);
     } catch (const std::exception& problem) {  // memory, a library: who has asked may ask again
-      self->log_->error("internal error in a question: {}", problem.what());
+      self->log_->error("internal error in a query: {}", problem.what());
     }
     done(std::move(answer));
   });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/overlap_book.h"
+#include "server/relocalization/overlap_detector.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ SE3 camera_at(uint64_t id, double start) {
   return {so3_exp({0, 0.02 * static_cast<double>(id), 0}), {-start - kStep * static_cast<double>(id), 0, 0}};
 }
 
-class OverlapBookTest : public ::testing::Test {
+class OverlapDetectorTest : public ::testing::Test {
  protected:
   static MapId map_called(uint8_t id) { return MapId{{id}}; }
   /// A map of `count` keyframes is searched. `map_from_world`: of its own frame.
@@ -38,7 +38,7 @@ class OverlapBookTest : public ::testing::Test {
     map->positions.resize(count);
     map->lists = invert(map->keyframes);
     index_.put(map);
-    book_.note_searched(*map);
+    detector_.note_searched(*map);
   }
   /// The image of a keyframe is found near one of another map, from where it was taken: as both maps know.
   [[nodiscard]] PlaceCandidate found(uint8_t in, uint64_t near,
@@ -51,16 +51,16 @@ class OverlapBookTest : public ::testing::Test {
     return candidate;
   }
   std::vector<Overlap> ask(uint8_t map, uint64_t keyframe, const std::vector<PlaceCandidate>& found) {
-    return book_.note_answer(map_called(map), KeyframeId{keyframe}, book_.now(), found, index_);
+    return detector_.note_answer(map_called(map), KeyframeId{keyframe}, detector_.now(), found, index_);
   }
 
   const Similarity3 one_{0.7, so3_exp({0.1, 2, 0.3}), {1, 2, 3}};
   const Similarity3 other_{2.5, so3_exp({1, -0.2, 0}), {-4, 0, 9}};
   PlaceIndex index_;
-  OverlapBook book_;
+  OverlapDetector detector_;
 };
 
-TEST_F(OverlapBookTest, ThreeKeyframesThatAgreeAreAnOverlap) {
+TEST_F(OverlapDetectorTest, ThreeKeyframesThatAgreeAreAnOverlap) {
   search(1, one_);
   search(2, other_);
   EXPECT_TRUE(ask(2, 3, {found(1, 3)}).empty());
@@ -76,7 +76,7 @@ TEST_F(OverlapBookTest, ThreeKeyframesThatAgreeAreAnOverlap) {
   EXPECT_EQ(overlaps[0].of_other, 3U);
 }
 
-TEST_F(OverlapBookTest, BothDirectionsSpeakForOne) {
+TEST_F(OverlapDetectorTest, BothDirectionsSpeakForOne) {
   search(1, one_);
   search(2, other_);
   EXPECT_TRUE(ask(2, 3, {found(1, 3)}).empty());
@@ -84,7 +84,7 @@ TEST_F(OverlapBookTest, BothDirectionsSpeakForOne) {
   EXPECT_EQ(ask(2, 8, {found(1, 8)}).size(), 1U);
 }
 
-TEST_F(OverlapBookTest, KeyframesFoundHereAndThereAreNone) {
+TEST_F(OverlapDetectorTest, KeyframesFoundHereAndThereAreNone) {
   search(1, one_);
   search(2, other_);
   // By no order along the other's path.
@@ -93,7 +93,7 @@ TEST_F(OverlapBookTest, KeyframesFoundHereAndThereAreNone) {
 }
 
 /// What is alike is found from some places and not from others between them.
-TEST_F(OverlapBookTest, WhatIsOftenNotRecognizedFromWhereItWasMappedIsAnother) {
+TEST_F(OverlapDetectorTest, WhatIsOftenNotRecognizedFromWhereItWasMappedIsAnother) {
   search(1, one_);
   search(2, other_);
   for (const uint64_t unknown : {1, 2, 6, 9}) EXPECT_TRUE(ask(2, unknown, {}).empty());
@@ -101,7 +101,7 @@ TEST_F(OverlapBookTest, WhatIsOftenNotRecognizedFromWhereItWasMappedIsAnother) {
   EXPECT_EQ(ask(2, 7, {found(1, 7)}).size(), 1U) << "four, and four missed";
 }
 
-TEST_F(OverlapBookTest, WhatNobodyCouldHaveRecognizedIsNotMissed) {
+TEST_F(OverlapDetectorTest, WhatNobodyCouldHaveRecognizedIsNotMissed) {
   search(1, one_);
   search(2, other_, 0, 6);
   // Before there was the other map; far from it; and where a third map was found.
@@ -117,7 +117,7 @@ TEST_F(OverlapBookTest, WhatNobodyCouldHaveRecognizedIsNotMissed) {
   EXPECT_EQ(ask(1, 6, {found(2, 6)}).size(), 1U);
 }
 
-TEST_F(OverlapBookTest, AnAdjustmentTakesWhatIsKnownAlong) {
+TEST_F(OverlapDetectorTest, AnAdjustmentTakesWhatIsKnownAlong) {
   search(1, one_);
   search(2, other_);
   for (const uint64_t k : {3, 5}) EXPECT_TRUE(ask(2, k, {found(1, k)}).empty());
@@ -125,11 +125,11 @@ TEST_F(OverlapBookTest, AnAdjustmentTakesWhatIsKnownAlong) {
   EXPECT_EQ(ask(2, 8, {found(1, 8)}).size(), 1U);
 }
 
-TEST_F(OverlapBookTest, WhatIsGoneSaysNothing) {
+TEST_F(OverlapDetectorTest, WhatIsGoneSaysNothing) {
   search(1, one_);
   search(2, other_);
   for (const uint64_t k : {3, 5}) EXPECT_TRUE(ask(2, k, {found(1, k)}).empty());
-  book_.remove(map_called(1));
+  detector_.remove(map_called(1));
   index_.remove(map_called(1));
   EXPECT_TRUE(ask(2, 8, {found(1, 8)}).empty()) << "asked before it went";
   search(1, one_);
@@ -139,7 +139,7 @@ TEST_F(OverlapBookTest, WhatIsGoneSaysNothing) {
   EXPECT_TRUE(ask(2, 9, {found(1, 9)}).empty());
   EXPECT_TRUE(ask(2, 3, {found(1, 3)}).empty());
   EXPECT_TRUE(ask(2, 4, {found(1, 4)}).empty()) << "two, with those that are left";
-  book_.remove(map_called(2));
+  detector_.remove(map_called(2));
   EXPECT_TRUE(ask(2, 2, {found(1, 2)}).empty());
 }
 

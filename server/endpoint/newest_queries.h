@@ -10,13 +10,12 @@
 
 namespace cairn {
 
-/// Questions that came at once: of each process the newest counts. Which process holds a name, others say: a
-/// second one under it must not put its question in the place of the holder's.
-class NewestQuestions {
+/// Queries that came at once: of each process the newest counts. Which process holds a name, others say: a
+/// second one under it must not put its query in the place of the holder's.
+class NewestQueries {
  public:
-  void put(const Principal& who, wire::RelocQuery question) {
-    newest_.insert_or_assign(std::pair(who.name, question.command.session),
-                             std::pair(who, std::move(question)));
+  void put(const Principal& who, wire::RelocQuery query) {
+    newest_.insert_or_assign(std::pair(who.name, query.command.session), std::pair(who, std::move(query)));
   }
   template <typename Take>
   void hand_over(const Take& take) {

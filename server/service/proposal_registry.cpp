@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/proposal_book.h"
+#include "server/service/proposal_registry.h"
 
 #include <algorithm>
 
@@ -16,13 +16,13 @@ struct Sum {
   uint64_t bytes = 0;
 };
 
-Sum sum_of(const ProposalBook::OfMap& proposals) {
+Sum sum_of(const ProposalRegistry::OfMap& proposals) {
   Sum sum;
   for (const auto& [number, proposal] : proposals) sum = {sum.count + 1, sum.bytes + proposal.bytes};
   return sum;
 }
 
-std::map<std::string, Sum> by_client(const ProposalBook::OfMap& proposals) {
+std::map<std::string, Sum> by_client(const ProposalRegistry::OfMap& proposals) {
   std::map<std::string, Sum> sums;
   for (const auto& [number, proposal] : proposals) {
     Sum& sum = sums[proposal.client];
@@ -37,7 +37,7 @@ Eigen::Vector3d axis_of(const SE3& camera_from_map) {
 
 }  // namespace
 
-void ProposalBook::restore(MapId map, std::vector<ProposalSummary> proposals, uint64_t last) {
+void ProposalRegistry::restore(MapId map, std::vector<ProposalSummary> proposals, uint64_t last) {
   MapPart& part = maps_[map];
   part = {std::max(part.last, last), {}};
   for (ProposalSummary& proposal : proposals) {
@@ -46,11 +46,11 @@ void ProposalBook::restore(MapId map, std::vector<ProposalSummary> proposals, ui
   }
 }
 
-void ProposalBook::forget(MapId map) {
+void ProposalRegistry::forget(MapId map) {
   maps_.erase(map);
 }
 
-std::string ProposalBook::why_not_now(const std::string& client, MonotonicTime now) {
+std::string ProposalRegistry::why_not_now(const std::string& client, MonotonicTime now) {
   if (looked_at_.size() > kManyClients)
     std::erase_if(looked_at_, [&](const auto& entry) { return now - entry.second >= limits_.interval; });
   const auto before = looked_at_.find(client);
@@ -61,7 +61,7 @@ std::string ProposalBook::why_not_now(const std::string& client, MonotonicTime n
   return {};
 }
 
-std::string ProposalBook::why_full() const {
+std::string ProposalRegistry::why_full() const {
   uint64_t bytes = 0;
   for (const auto& [map, part] : maps_) bytes += sum_of(part.proposals).bytes;
   if (bytes < limits_.bytes_in_all) return {};
@@ -69,7 +69,7 @@ std::string ProposalBook::why_full() const {
          " MB of proposals, and no more until some have been accepted or dropped";
 }
 
-const ProposalSummary* ProposalBook::find_alike(MapId map, const ProposalSummary& proposal) const {
+const ProposalSummary* ProposalRegistry::find_alike(MapId map, const ProposalSummary& proposal) const {
   const Eigen::Vector3d center = proposal.camera_from_map.center();
   const Eigen::Vector3d axis = axis_of(proposal.camera_from_map);
   for (const auto& [number, other] : of(map)) {
@@ -81,8 +81,8 @@ const ProposalSummary* ProposalBook::find_alike(MapId map, const ProposalSummary
   return nullptr;
 }
 
-ProposalBook::OfMap::const_iterator ProposalBook::next_to_go(const OfMap& proposals,
-                                                             const std::string& client) const {
+ProposalRegistry::OfMap::const_iterator ProposalRegistry::next_to_go(const OfMap& proposals,
+                                                                     const std::string& client) const {
   const auto sums = by_client(proposals);
   const auto oldest_of = [&](const std::string& name) {
     return std::find_if(proposals.begin(), proposals.end(),
@@ -99,7 +99,7 @@ ProposalBook::OfMap::const_iterator ProposalBook::next_to_go(const OfMap& propos
   return oldest_of(most->first);
 }
 
-ProposalBook::Room ProposalBook::add(MapId map, ProposalSummary proposal) {
+ProposalRegistry::Room ProposalRegistry::add(MapId map, ProposalSummary proposal) {
   MapPart& part = maps_[map];
   Room room{++part.last, {}};
   proposal.number = room.number;
@@ -114,18 +114,18 @@ ProposalBook::Room ProposalBook::add(MapId map, ProposalSummary proposal) {
   return room;
 }
 
-void ProposalBook::take_back(MapId map, const Room& room) {
+void ProposalRegistry::take_back(MapId map, const Room& room) {
   const auto part = maps_.find(map);
   if (part == maps_.end()) return;
   part->second.proposals.erase(room.number);
   for (const ProposalSummary& proposal : room.gone) part->second.proposals.emplace(proposal.number, proposal);
 }
 
-void ProposalBook::remove(MapId map, uint64_t number) {
+void ProposalRegistry::remove(MapId map, uint64_t number) {
   if (const auto part = maps_.find(map); part != maps_.end()) part->second.proposals.erase(number);
 }
 
-std::map<MapId, std::vector<uint64_t>> ProposalBook::too_old(Timestamp now) const {
+std::map<MapId, std::vector<uint64_t>> ProposalRegistry::too_old(Timestamp now) const {
   const int64_t keep = std::chrono::nanoseconds(limits_.keep).count();
   std::map<MapId, std::vector<uint64_t>> old;
   for (const auto& [map, part] : maps_) {
@@ -135,19 +135,19 @@ std::map<MapId, std::vector<uint64_t>> ProposalBook::too_old(Timestamp now) cons
   return old;
 }
 
-const ProposalBook::OfMap& ProposalBook::of(MapId map) const {
+const ProposalRegistry::OfMap& ProposalRegistry::of(MapId map) const {
   static const OfMap none;
   const auto part = maps_.find(map);
   return part == maps_.end() ? none : part->second.proposals;
 }
 
-const ProposalSummary* ProposalBook::find(MapId map, uint64_t number) const {
+const ProposalSummary* ProposalRegistry::find(MapId map, uint64_t number) const {
   const OfMap& proposals = of(map);
   const auto found = proposals.find(number);
   return found == proposals.end() ? nullptr : &found->second;
 }
 
-size_t ProposalBook::count() const {
+size_t ProposalRegistry::count() const {
   size_t count = 0;
   for (const auto& [map, part] : maps_) count += part.proposals.size();
   return count;

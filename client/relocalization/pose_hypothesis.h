@@ -8,7 +8,7 @@ namespace cairn {
 
 /// A hypothesis from the server: where a lost camera may be. It is believed when the next frames have
 /// verified it.
-struct PoseSuggestion {
+struct PoseHypothesis {
   MapId map;
   Epoch epoch;
   KeyframeId reference;

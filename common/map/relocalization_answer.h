@@ -10,22 +10,22 @@
 
 namespace cairn {
 
-/// What came of the question where an image was taken.
-enum class PlaceVerdict : uint8_t {
-  kConfirmed = 0,    ///< geometry agrees; the tracker's proof is still to come
+/// What came of a relocalization query.
+enum class RelocalizationVerdict : uint8_t {
+  kConfirmed = 0,    ///< geometry agrees; the tracker's verification is still to come
   kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
   kNotKnown = 2,     ///< no place of any map looks like it
   kNotThere = 3,     ///< none of the maps that count for now, or no answer could be found: it is left open
 };
 /// Whether one of the candidates is worth trying.
-[[nodiscard]] constexpr bool has_place(PlaceVerdict verdict) {
-  return verdict == PlaceVerdict::kConfirmed || verdict == PlaceVerdict::kUnconfirmed;
+[[nodiscard]] constexpr bool has_place(RelocalizationVerdict verdict) {
+  return verdict == RelocalizationVerdict::kConfirmed || verdict == RelocalizationVerdict::kUnconfirmed;
 }
-[[nodiscard]] constexpr const char* to_string(PlaceVerdict verdict) {
-  return verdict == PlaceVerdict::kConfirmed     ? "confirmed"
-         : verdict == PlaceVerdict::kUnconfirmed ? "unconfirmed"
-         : verdict == PlaceVerdict::kNotThere    ? "not there"
-                                                 : "not known";
+[[nodiscard]] constexpr const char* to_string(RelocalizationVerdict verdict) {
+  return verdict == RelocalizationVerdict::kConfirmed     ? "confirmed"
+         : verdict == RelocalizationVerdict::kUnconfirmed ? "unconfirmed"
+         : verdict == RelocalizationVerdict::kNotThere    ? "not there"
+                                                          : "not known";
 }
 
 /// A keyframe near which the image may have been taken. The pose is relative to it, so it survives
@@ -44,8 +44,8 @@ struct PlaceCandidate {
   std::string reason;  ///< for a person: why it is not confirmed
 };
 
-struct PlaceAnswer {
-  PlaceVerdict verdict = PlaceVerdict::kNotKnown;
+struct RelocalizationAnswer {
+  RelocalizationVerdict verdict = RelocalizationVerdict::kNotKnown;
   std::vector<PlaceCandidate> candidates;  ///< best first
   std::string reason;                      ///< for a person, when not confirmed
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/label_book.h"
+#include "server/service/label_registry.h"
 
 #include <algorithm>
 #include <utility>
@@ -18,7 +18,7 @@ constexpr double kNoticeableTurn = 0.01;   ///< [rad] of the label about itself
 /// with its map.
 constexpr double kFarthest = 1e5;
 
-LabelBook::Judgement refusal(RequestDecision decision, std::string reason, LabelId label = {}) {
+LabelRegistry::Judgement refusal(RequestDecision decision, std::string reason, LabelId label = {}) {
   return {decision, std::move(reason), label, {}};
 }
 
@@ -51,7 +51,7 @@ Label label_of(const LabelRecord& record) {
   return {{record.id}, record.kind, record.text, record.map_from_label, record.author, record.time};
 }
 
-void LabelBook::restore(const std::vector<LabelRecord>& records, LabelId last_given) {
+void LabelRegistry::restore(const std::vector<LabelRecord>& records, LabelId last_given) {
   last_id_ = std::max(last_id_, last_given.value);
   for (const LabelRecord& record : records) {
     labels_.insert_or_assign(LabelId{record.id}, Entry{record, record.map_from_label});
@@ -59,8 +59,8 @@ void LabelBook::restore(const std::vector<LabelRecord>& records, LabelId last_gi
   }
 }
 
-LabelBook::Judgement LabelBook::judge(const wire::ClientRequest& request, const std::string& author,
-                                      Timestamp now, const MapSnapshot& map) {
+LabelRegistry::Judgement LabelRegistry::judge(const wire::ClientRequest& request, const std::string& author,
+                                              Timestamp now, const MapSnapshot& map) {
   const bool has_text = request.action != RequestAction::kRemoveLabel;
   if (has_text && is_invisible(request.text))
     return refusal(RequestDecision::kUnfit, "a label needs a text", request.label);
@@ -83,8 +83,9 @@ LabelBook::Judgement LabelBook::judge(const wire::ClientRequest& request, const 
   return done;
 }
 
-LabelBook::Judgement LabelBook::judge_new(const wire::ClientRequest& request, const std::string& author,
-                                          Timestamp now, const MapSnapshot& map) {
+LabelRegistry::Judgement LabelRegistry::judge_new(const wire::ClientRequest& request,
+                                                  const std::string& author, Timestamp now,
+                                                  const MapSnapshot& map) {
   if (labels_.size() + busy_.size() >= kMaxLabels) {
     return refusal(RequestDecision::kFull,
                    "the map has " + std::to_string(kMaxLabels) + " labels, which is all it may have");
@@ -111,7 +112,7 @@ LabelBook::Judgement LabelBook::judge_new(const wire::ClientRequest& request, co
   return {RequestDecision::kDone, {}, id, std::move(label)};
 }
 
-void LabelBook::settle(const Judgement& judgement, bool kept, const MapSnapshot& map) {
+void LabelRegistry::settle(const Judgement& judgement, bool kept, const MapSnapshot& map) {
   busy_.erase(judgement.label);
   if (!kept) return;
   if (!judgement.changed) {
@@ -123,7 +124,7 @@ void LabelBook::settle(const Judgement& judgement, bool kept, const MapSnapshot&
   labels_.insert_or_assign(judgement.label, Entry{label, label.map_from_label});
 }
 
-LabelBook::Moves LabelBook::follow(const MapSnapshot& map) {
+LabelRegistry::Moves LabelRegistry::follow(const MapSnapshot& map) {
   Moves moves;
   for (auto& [id, entry] : labels_) {
     LabelRecord& label = entry.record;
@@ -140,13 +141,13 @@ LabelBook::Moves LabelBook::follow(const MapSnapshot& map) {
   return moves;
 }
 
-std::optional<Label> LabelBook::find(LabelId label) const {
+std::optional<Label> LabelRegistry::find(LabelId label) const {
   const auto found = labels_.find(label);
   if (found == labels_.end()) return std::nullopt;
   return label_of(found->second.record);
 }
 
-std::vector<Label> LabelBook::all() const {
+std::vector<Label> LabelRegistry::all() const {
   std::vector<Label> labels;
   for (const auto& [id, entry] : labels_) labels.push_back(label_of(entry.record));
   return labels;
