@@ -114,8 +114,8 @@ TEST(FreeCamera, ThePullOfAPriorIsTheSlopeOfItsCost) {
       };
       const double slope = (cost(at + step) - cost(at - step)) / (2 * kStep);
       EXPECT_NEAR(pull.gradient[i], slope, 1e-5 * (1 + std::abs(slope))) << sigmas;
-      const double bend = (cost(at + step) - 2 * cost(at) + cost(at - step)) / (kStep * kStep);
-      EXPECT_NEAR(pull.curvature[i], bend, 1e-2 * (1 + std::abs(bend))) << sigmas;
+      const double curvature = (cost(at + step) - 2 * cost(at) + cost(at - step)) / (kStep * kStep);
+      EXPECT_NEAR(pull.curvature[i], curvature, 1e-2 * (1 + std::abs(curvature))) << sigmas;
     }
   }
 }

@@ -144,7 +144,7 @@ class AxialCamera final : public Camera {
         fy_(parameters.values[1]),
         cx_(parameters.values[2]),
         cy_(parameters.values[3]),
-        curve_(bends(parameters)) {}
+        curve_(coefficients(parameters)) {}
 
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const override {
     const double r = std::hypot(point.x(), point.y());
@@ -202,7 +202,7 @@ class AxialCamera final : public Camera {
   }
 
  private:
-  static std::array<double, Curve::kValues> bends(const CameraParameters& parameters) {
+  static std::array<double, Curve::kValues> coefficients(const CameraParameters& parameters) {
     std::array<double, Curve::kValues> values{};
     std::copy(parameters.values.begin() + 4, parameters.values.end(), values.begin());
     return values;

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """The texts of the project lead somewhere: every test that a README names is there, and so is what its links point to.
+Names in sources are the glossary's (common/README.md): those that it replaced do not come back.
 
 Usage: texts_test.py
 """
@@ -17,6 +18,12 @@ CTEST = re.compile(r"\bNAME\s+([A-Z]\w*)\.([\w$*{}]+)")
 # `Suite.Test`, and `.Test` of the suite named before it; a `*` stands for the rest of a name.
 NAMED = re.compile(r"`([A-Z]\w*\*?)?\.(\*|[A-Z][\w*]*)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+# What the words of the glossary replaced, as parts of names.
+OLD_WORDS = re.compile(
+    r"(?:picture_size|PictureSize|PictureLink|CameraNews|CameraKeeper|DoubtfulCamera|CameraDoubt|doubt_camera|FoundOut|FoundCamera"
+    r"|PlaceDesk|PlaceAnswer|PlaceQuery|PlaceVerdict|PoseSuggestion|LabelBook|ProposalBook|OverlapBook|NewestQuestions|kQuestion"
+    r"|SerialQueue|ServiceLanes|HeldLane|beside_store|run_beside|let_images_go|bytes_to_wake|bytes_let_go|proven_in"
+    r"|PointElimination|few_views|linearise|minimise)\w*")
 
 
 def files(*endings):
@@ -71,6 +78,11 @@ class Texts(unittest.TestCase):
                 if not target.exists() or (anchor and anchor not in anchors(target.read_text())):
                     broken.append(f"{text.relative_to(ROOT)}: {link}")
         self.assertEqual(broken, [], "no such files or headings")
+
+    def test_names_that_the_glossary_replaced_do_not_come_back(self):
+        found = {f"{source.relative_to(ROOT)}: {name}"
+                 for source in files(".h", ".cpp", ".inc") for name in OLD_WORDS.findall(source.read_text(errors="replace"))}
+        self.assertEqual(sorted(found), [], "common/README.md has the words for these")
 
 
 if __name__ == "__main__":
