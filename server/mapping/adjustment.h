@@ -52,7 +52,6 @@ class GlobalAdjustment {
   MapProblem problem;
   BundleReport report;
   size_t keyframes_at_cut = 0;  ///< of the map, when the problem was cut
-  uint64_t compactions_at_cut = 0;
 };
 
 }  // namespace cairn

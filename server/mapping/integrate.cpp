@@ -37,9 +37,16 @@ KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) {
   return {verdict, std::move(reason), {}};
 }
 
-bool is_sound(const KeyframeInput& input) {
-  return input.camera && input.image && input.image->width() == input.camera->width() &&
-         input.image->height() == input.camera->height() && input.camera_from_reference.is_finite();
+/// A frame that is not to be refused for something else gets its image.
+Status take_image(const DecodeImage& decode, KeyframeInput* input) {
+  if (!input->image && decode) {
+    auto image = decode();
+    if (!image) return tl::unexpected(image.error());
+    input->image = std::move(*image);
+  }
+  const bool fits = input->image && input->image->width() == input->camera->width() &&
+                    input->image->height() == input->camera->height();
+  return fits ? Status() : fail(ErrorCode::kDamaged, "the image is not of the camera's size");
 }
 
 /// The pose on the measurements of points that still live, each point counted once; its inliers.
@@ -140,6 +147,29 @@ std::string describe_distance(double distance, double needed) {
   return text;
 }
 
+/// Outside of its extent, or so near to others that it would show nothing new. `images` are made for the
+/// second where they are not there.
+std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const KeyframeInput& input,
+                                                     const Judged& judged, const KeyframeSpacing& spacing,
+                                                     std::shared_ptr<const KeyframeImages>* images) {
+  const Eigen::Vector3d center = judged.camera_from_map.center();
+  if (input.extent && !contains(*input.extent, center))
+    return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
+  const double needed = spacing.min_distance_over_depth * judged.mean_depth;
+  const Nearest nearest = nearest_keyframes(map, judged.camera_from_map);
+  const bool widens = widens_map(map, judged.camera_from_map, judged.mean_depth);
+  if (!widens && nearest.any < kNewAreaDistance * needed)
+    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
+  if (!*images) *images = prepare_images(input.image->view(), input.still);
+  const bool knows_little =
+      static_cast<double>(judged.inliers.size()) <
+      kFewKnown * static_cast<double>(map.keyframe(input.reference).measurements.size());
+  if (!widens && nearest.same_direction < needed && !knows_little &&
+      unknown_fraction(**images, judged.inliers) < KnownArea::kNewAreaFraction)
+    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
+  return std::nullopt;
+}
+
 /// Those of the measurements that the keyframe's own image bears out: it shows what the map has there. The
 /// tracker measures to a pixel where that is enough for it; here they are refined.
 std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyframe& keyframe,
@@ -174,8 +204,8 @@ bool has_enough_points(const std::optional<Judged>& judged) {
   return judged && judged->inliers.size() >= kMinMeasurements;
 }
 
-KeyframeDecision stale_reference() {
-  return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+KeyframeDecision damaged(const Status& image) {
+  return refuse(KeyframeVerdict::kDamaged, image.error().message);
 }
 
 void add_measurements(MapState* map, KeyframeId id, const std::vector<Measurement>& measurements) {
@@ -208,47 +238,29 @@ KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_me
   return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
 }
 
-std::optional<KeyframeDecision> refuse_without_image(const MapState& map, const KeyframeInput& input) {
-  if (!input.camera || !input.camera_from_reference.is_finite())
-    return std::nullopt;  // not sound, for it to say
-  if (!map.is_live(input.reference)) return stale_reference();
-  if (input.is_chained) return std::nullopt;  // its image shows more points
-  const auto judged = reoptimize(map, input);
-  if (has_enough_points(judged)) return std::nullopt;
-  return too_few_points(judged);
-}
-
 KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
-                                    const KeyframeSpacing& spacing) {
+                                    const KeyframeSpacing& spacing, const DecodeImage& decode) {
   KeyframeInput input = offered;
-  if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
-  if (!map->is_live(input.reference)) return stale_reference();
-  auto images = input.is_chained ? prepare_images(input.image->view(), input.still) : nullptr;
-  const size_t expected = images ? add_what_is_expected(*map, images, &input) : 0;
+  if (!input.camera || !input.camera_from_reference.is_finite())
+    return refuse(KeyframeVerdict::kDamaged, "camera or pose do not make a frame");
+  if (!map->is_live(input.reference))
+    return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+  std::shared_ptr<const KeyframeImages> images;
+  size_t expected = 0;
+  if (input.is_chained) {  // its image shows more points than were measured
+    if (Status taken = take_image(decode, &input); !taken) return damaged(taken);
+    images = prepare_images(input.image->view(), input.still);
+    expected = add_what_is_expected(*map, images, &input);
+  }
   const auto judged = reoptimize(*map, input);
   if (!has_enough_points(judged)) return too_few_points(judged);
+  if (Status taken = take_image(decode, &input); !taken) return damaged(taken);
   if (static_cast<double>(judged->inliers.size()) < kChainedShare * static_cast<double>(expected)) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged->inliers.size()) + " of the " +
                                                       std::to_string(expected) +
                                                       " points that the map expects in it were found");
   }
-  if (const Eigen::Vector3d center = judged->camera_from_map.center();
-      input.extent && !contains(*input.extent, center))
-    return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
-  const double needed = spacing.min_distance_over_depth * judged->mean_depth;
-  const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);
-  const bool widens = widens_map(*map, judged->camera_from_map, judged->mean_depth);
-  if (!widens && nearest.any < kNewAreaDistance * needed) {
-    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
-  }
-  if (!images) images = prepare_images(input.image->view(), input.still);
-  const bool knows_little =
-      static_cast<double>(judged->inliers.size()) <
-      kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
-  if (!widens && nearest.same_direction < needed && !knows_little &&
-      unknown_fraction(*images, judged->inliers) < KnownArea::kNewAreaFraction) {
-    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
-  }
+  if (auto refused = refuse_for_its_place(*map, input, *judged, spacing, &images)) return std::move(*refused);
 
   MapKeyframe keyframe;
   keyframe.reference = input.reference;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
-
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 
@@ -15,14 +13,10 @@ struct KeyframeSpacing {
 };
 [[nodiscard]] KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth);
 
-/// What integrate_keyframe() would refuse for its reference or its measurements, so that its image need not
-/// be decoded; nothing: it takes the image to say. The image of `input` may be null.
-[[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const MapState& map,
-                                                                   const KeyframeInput& input);
-
 /// Re-optimizes the pose on the measurements, judges, and on acceptance adds the keyframe with its
-/// measurements, refined to sub-pixel, and with every other point of the map that is found in it.
-[[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
-                                                  const KeyframeSpacing& spacing);
+/// measurements, refined to sub-pixel, and with every other point of the map that is found in it. What is
+/// refused for its reference or its measurements needs no image: `decode` is not asked for it then.
+[[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
+                                                  const KeyframeSpacing& spacing, const DecodeImage& decode);
 
 }  // namespace cairn

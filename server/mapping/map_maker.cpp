@@ -10,7 +10,6 @@
 #include "common/bundle/find_cameras.h"
 #include "server/mapping/adjustment.h"
 #include "server/mapping/candidate_points.h"
-#include "server/mapping/crowding.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"
@@ -45,9 +44,7 @@ struct MapMaker::State {
   bool local_adjustment_due = false;
   bool upkeep_due = false;
   bool global_adjustment_due = false;
-  uint64_t compactions = 0;
 
-  void follow(const Renumbering& now);
   /// Why there is no room for another keyframe; empty when there is.
   [[nodiscard]] std::string why_full() const;
   /// Whether step() has nothing to do.
@@ -55,7 +52,8 @@ struct MapMaker::State {
   [[nodiscard]] WorkRecord work() const;
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
-  KeyframeDecision integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior);
+  KeyframeDecision integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior,
+                                        const DecodeImage& decode);
   /// How many points came of them.
   int take_candidates(KeyframeId keyframe, const KeyframeInput& input);
   StepReport adjust(const std::function<bool()>& should_yield);
@@ -220,11 +218,12 @@ void MapMaker::State::take_up(const WorkRecord& work) {
 }
 
 /// A keyframe of a camera that is calibrated: what the map knows of it counts more than what comes with it.
-KeyframeDecision MapMaker::State::integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior) {
+KeyframeDecision MapMaker::State::integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior,
+                                                       const DecodeImage& decode) {
   int camera = map.camera_index(prior);
   KeyframeInput known = input;
   if (camera >= 0) known.camera = map.cameras()[static_cast<size_t>(camera)].camera;
-  KeyframeDecision decision = integrate_keyframe(&map, known, spacing);
+  KeyframeDecision decision = integrate_keyframe(&map, known, spacing, decode);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   if (camera < 0) camera = map.add_camera(input.camera, prior);
   map.keyframe(decision.keyframe).estimated_camera = camera;
@@ -239,18 +238,11 @@ int MapMaker::State::take_candidates(KeyframeId keyframe, const KeyframeInput& i
   return static_cast<int>(made.size());
 }
 
-std::optional<KeyframeDecision> MapMaker::refuse_without_image(const KeyframeInput& input) const {
-  if (std::string why = state_->why_full(); !why.empty())
-    return KeyframeDecision{KeyframeVerdict::kFull, std::move(why), {}};
-  if (input.prior) return std::nullopt;
-  return cairn::refuse_without_image(state_->map, input);
-}
-
-KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
+KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input, const DecodeImage& decode) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
-  KeyframeDecision decision = input.prior ? s.integrate_with_prior(input, *input.prior)
-                                          : integrate_keyframe(&s.map, input, s.spacing);
+  KeyframeDecision decision = input.prior ? s.integrate_with_prior(input, *input.prior, decode)
+                                          : integrate_keyframe(&s.map, input, s.spacing, decode);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back(
@@ -283,14 +275,12 @@ GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
   copy->adjuster = state_->options.adjuster;
   copy->problem = global_problem(state_->map);
   copy->keyframes_at_cut = state_->map.keyframes().size();
-  copy->compactions_at_cut = state_->compactions;
   return copy;
 }
 
 StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   State& s = *state_;
   StepReport report{.work = MapWork::kGlobalAdjustment};
-  if (solved.compactions_at_cut != s.compactions) return report;  // its ids are others; it is due still
   report.observations = solved.report.observations;
   report.iterations = solved.report.iterations;
   report.changed = solved.report.usable;
@@ -330,41 +320,6 @@ std::vector<KeyframeView> MapMaker::keyframe_views() const {
 
 void MapMaker::rename(const std::string& name) {
   state_->builder.rename(name);
-}
-
-void MapMaker::begin_epoch(Epoch epoch) {
-  state_->builder.begin_epoch(epoch);
-}
-
-bool MapMaker::wants_compaction() const {
-  const MapState& map = state_->map;
-  return is_crowded(map.points().size(), map.live_points(), state_->options.max_points) ||
-         is_crowded(map.keyframes().size(), map.live_keyframes(), kMaxKeyframeBlocks * kBlockSlots);
-}
-
-Renumbering MapMaker::compact(Epoch epoch) {
-  Renumbering now = state_->map.compact();
-  state_->follow(now);
-  state_->recorder.reset();
-  state_->builder.begin_epoch(epoch);
-  return now;
-}
-
-void MapMaker::State::follow(const Renumbering& now) {
-  ++compactions;
-  for (PendingKeyframe& p : wanting_points) p.id = now.of(p.id);
-  std::erase_if(wanting_points, [](const PendingKeyframe& p) { return !p.id; });
-  for (PointId& id : wanting_observers) id = now.of(id);
-  std::erase(wanting_observers, PointId{});
-  newest = now.of(newest);
-  if (!newest) newest = map.keyframes().back().id;
-}
-
-bool renumber(const Renumbering& renumbering, KeyframeInput* frame) {
-  frame->reference = renumbering.of(frame->reference);
-  for (PointMeasurement& m : frame->measurements) m.id = renumbering.of(m.id);
-  std::erase_if(frame->measurements, [](const PointMeasurement& m) { return !m.id; });
-  return static_cast<bool>(frame->reference);
 }
 
 MapRecord MapMaker::take_changes() {

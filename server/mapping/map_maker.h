@@ -91,6 +91,9 @@ struct KeyframeInput {
   std::optional<Extent> extent = {};
 };
 
+/// Gives the image of a frame that has come without one. An error: it cannot be used.
+using DecodeImage = std::function<Result<GrayImagePtr>()>;
+
 enum class KeyframeVerdict : uint8_t {
   kAccepted,
   kTooClose,
@@ -147,8 +150,7 @@ struct GlobalAdjustmentDeleter {
 };
 using GlobalAdjustmentPtr = std::unique_ptr<GlobalAdjustment, GlobalAdjustmentDeleter>;
 
-struct MapRecord;    // map_record.h
-struct Renumbering;  // map_state.h
+struct MapRecord;  // map_record.h
 
 /// What a map is called, and in which epoch it is served.
 struct MapIdentity {
@@ -180,14 +182,12 @@ class MapMaker {
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
 
-  /// Whether add_keyframe() would refuse a frame whatever its image shows: to be asked before that is
-  /// decoded. Nothing: it takes the image to say. The image of `input` may be null.
-  [[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const KeyframeInput& input) const;
   /// Judges a frame (re-optimizes its pose on its measurements first) and takes it in: keyframe,
   /// measurements of known points and points of its candidates are in the map on return, the rest is work
   /// for step(). Candidates that come while images are evicted are passed over. A few milliseconds.
-  /// Refused as kFull while there is still room for the points of all keyframes taken before.
-  [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
+  /// Refused as kFull while there is still room for the points of all keyframes taken before. `decode` is
+  /// asked for an image that is not in `input`, and not where the frame is refused whatever that shows.
+  [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input, const DecodeImage& decode = {});
 
   /// Whether a step() has anything to do, or a global adjustment would.
   [[nodiscard]] bool has_work() const;
@@ -218,16 +218,6 @@ class MapMaker {
   /// The next snapshot has this name.
   void rename(const std::string& name);
 
-  /// The next snapshot is the first of this epoch, with all blocks anew: for who serves another state of the
-  /// map than the one before it (a roll-back). `epoch` is later than all before.
-  void begin_epoch(Epoch epoch);
-  /// Whether the map has little room left, most of which is taken by what was removed.
-  [[nodiscard]] bool wants_compaction() const;
-  /// Gives up the places of what was removed, in a new epoch, since ids have another meaning in it. A global
-  /// adjustment that is under way is passed over by adopt(), and take_changes() gives all of the map again:
-  /// to be kept in place of what was kept. For an offer of the epoch before: renumber().
-  [[nodiscard]] Renumbering compact(Epoch epoch);
-
   /// Some hundred microseconds for ten thousand points.
   [[nodiscard]] MapStatistics statistics() const;
   /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now. Some
@@ -256,10 +246,6 @@ class MapMaker {
   explicit MapMaker(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
-
-/// Makes a frame that was tracked before a compaction one of the map after it; measurements of what had been
-/// removed are left out. False when its reference keyframe had been.
-[[nodiscard]] bool renumber(const Renumbering& renumbering, KeyframeInput* frame);
 
 /// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop);

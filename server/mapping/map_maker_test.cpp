@@ -199,27 +199,45 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
 }
 
-TEST_F(MapMakerTest, WhatIsRefusedWithoutItsImageIsRefusedWithItForTheSameReason) {
+TEST_F(MapMakerTest, AnImageIsDecodedOnceAndOnlyWhereTheFrameIsNotRefusedWhateverItShows) {
   start();
   const KeyframeInput good = make_offer(scene_, *maker_->snapshot(), 5);
   KeyframeInput stale = good;
   stale.reference = KeyframeId{77};
   KeyframeInput few = good;
   few.measurements.resize(10);
+  int decoded = 0;
+  const auto offer_by_its_bytes = [&](KeyframeInput input, GrayImagePtr image) {
+    input.image = nullptr;
+    decoded = 0;
+    return maker_->add_keyframe(input, [&]() -> Result<GrayImagePtr> {
+      ++decoded;
+      if (!image) return fail(ErrorCode::kDamaged, "JPEG image: cut short");
+      return image;
+    });
+  };
   for (const KeyframeInput& input : {stale, few}) {
-    KeyframeInput unseen = input;
-    unseen.image = nullptr;
-    const auto refused = maker_->refuse_without_image(unseen);
-    ASSERT_TRUE(refused.has_value());
+    const KeyframeDecision refused = offer_by_its_bytes(input, good.image);
+    EXPECT_EQ(decoded, 0);
     const KeyframeDecision decision = maker_->add_keyframe(input);
-    EXPECT_EQ(refused->verdict, decision.verdict);
-    EXPECT_EQ(refused->reason, decision.reason);
+    EXPECT_EQ(refused.verdict, decision.verdict);
+    EXPECT_EQ(refused.reason, decision.reason);
   }
   KeyframeInput chained = few;  // its image shows what it has not measured
   chained.is_chained = true;
-  EXPECT_FALSE(maker_->refuse_without_image(chained).has_value());
-  EXPECT_FALSE(maker_->refuse_without_image(good).has_value());
-  EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
+  for (const KeyframeInput& input : {good, chained}) {
+    const KeyframeDecision damaged = offer_by_its_bytes(input, nullptr);
+    EXPECT_EQ(damaged.verdict, KeyframeVerdict::kDamaged);
+    EXPECT_EQ(damaged.reason, "JPEG image: cut short");
+    EXPECT_EQ(decoded, 1);
+    EXPECT_EQ(offer_by_its_bytes(input, std::make_shared<GrayImage>(64, 48)).reason,
+              "the image is not of the camera's size");
+  }
+  KeyframeInput without = good;
+  without.image = nullptr;
+  EXPECT_EQ(maker_->add_keyframe(without).verdict, KeyframeVerdict::kDamaged);
+  EXPECT_EQ(offer_by_its_bytes(chained, good.image).verdict, KeyframeVerdict::kAccepted);
+  EXPECT_EQ(decoded, 1);
 }
 
 /// A tracker may hold another state of the map than the server, by its fault or ours: then what it calls by a
@@ -508,84 +526,6 @@ TEST_F(MapMakerTest, ASeedIsHeldToItsExtent) {
   EXPECT_LT(maker_->snapshot()->point_count(), everywhere->point_count());
   EXPECT_TRUE(points_outside(*maker_->snapshot(), part).empty());
   for (const auto& [trail, point] : seed_.points) EXPECT_TRUE(maker_->snapshot()->find(point)) << "is told";
-}
-
-TEST_F(MapMakerTest, ANewEpochHasAllBlocksAnewAndTheSameMap) {
-  start();
-  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
-  const auto before = maker_->snapshot();
-  EXPECT_EQ(maker_->snapshot(), before);
-  maker_->begin_epoch(Epoch{7});
-  const auto after = maker_->snapshot();
-  EXPECT_EQ(after->epoch, Epoch{7});
-  EXPECT_EQ(after->revision, Revision{1});
-  ASSERT_EQ(after->point_blocks.size(), before->point_blocks.size());
-  for (size_t b = 0; b < after->point_blocks.size(); ++b) {
-    EXPECT_EQ(after->point_blocks[b]->patches->version, 1U);
-    EXPECT_EQ(after->point_blocks[b]->positions->version, 1U);
-    EXPECT_EQ(after->point_blocks[b]->positions->live, before->point_blocks[b]->positions->live);
-  }
-  ASSERT_EQ(offer(8).verdict, KeyframeVerdict::kAccepted);
-  EXPECT_EQ(maker_->snapshot()->epoch, Epoch{7});
-  adjust_globally();
-  expect_accurate(0.005, 0.02);
-}
-
-/// Frames tracked before it are taken over, and an adjustment that was under way is not written to other ids.
-TEST_F(MapMakerTest, ACompactedMapGoesOnAndUnderstandsWhatWasTrackedBefore) {
-  start();
-  for (int step = 5; step <= 11; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
-  const auto before = maker_->snapshot();
-  const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-  solve(problem.get(), {});
-  KeyframeInput offered = make_offer(scene_, *before, 14);
-  const Renumbering now = maker_->compact(Epoch{2});
-  const auto after = maker_->snapshot();
-  EXPECT_EQ(after->epoch, Epoch{2});
-  EXPECT_EQ(after->point_count(), before->point_count());
-  EXPECT_EQ(after->keyframe_count(), before->keyframe_count());
-  size_t places = 0;
-  for (const auto& block : after->point_blocks) places += block->patches->points.size();
-  EXPECT_EQ(places, after->point_count()) << "no place is taken by what was removed";
-  EXPECT_FALSE(maker_->adopt(*problem).changed);
-  EXPECT_TRUE(maker_->wants_global_adjustment()) << "it is due still";
-  EXPECT_EQ(maker_->take_changes().point_count, after->point_count());
-  const size_t measured = offered.measurements.size();
-  ASSERT_TRUE(renumber(now, &offered));
-  EXPECT_EQ(offered.measurements.size(), measured) << "all of them lived";
-  const KeyframeDecision decision = maker_->add_keyframe(offered);
-  ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
-  steps_.push_back(14);
-  work();
-  adjust_globally();
-  expect_accurate(0.005, 0.02);
-  offered.reference = KeyframeId{1000};
-  EXPECT_FALSE(renumber(now, &offered));
-}
-
-TEST_F(MapMakerTest, CompactionIsWantedWhereMostPlacesAreTakenByWhatWasRemoved) {
-  start();
-  MapRecord record = maker_->take_changes();
-  options_.max_points = record.point_count;
-  EXPECT_FALSE(MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_)->maker->wants_compaction())
-      << "full of what lives: nothing would be won";
-  // Two thirds live: a third of the places would be won, and the map be full for good without.
-  MapRecord mostly_living = record;
-  mostly_living.point_count = mostly_living.point_count * 3 / 2;
-  options_.max_points = mostly_living.point_count;
-  EXPECT_TRUE(
-      MapMaker::restore(mostly_living, {MapId{{1}}, "desk", Epoch{2}}, options_)->maker->wants_compaction());
-  record.point_count *= 3;
-  options_.max_points = record.point_count;
-  const auto restored = MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_);
-  ASSERT_TRUE(restored);
-  MapMaker& map = *restored->maker;
-  EXPECT_TRUE(map.wants_compaction());
-  const size_t live = map.snapshot()->point_count();
-  (void)map.compact(Epoch{3});
-  EXPECT_FALSE(map.wants_compaction());
-  EXPECT_EQ(map.snapshot()->point_count(), live);
-  EXPECT_EQ(map.take_changes().point_count, live);
 }
 
 TEST_F(MapMakerTest, SameInputSameBytes) {

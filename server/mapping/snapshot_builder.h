@@ -20,12 +20,6 @@ class SnapshotBuilder {
   /// The next snapshot has this name.
   void rename(std::string name) { name_ = std::move(name); }
 
-  /// The next snapshot is the first of this epoch: all its blocks are new.
-  void begin_epoch(Epoch epoch) {
-    epoch_ = epoch;
-    previous_ = nullptr;
-  }
-
   /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
   /// cut by more than what spans kVisibleMove at the source keyframe's distance (the mean depth, for a
   /// keyframe), or is now seen from notably elsewhere. Versions of new blocks are the revision's number.

@@ -289,15 +289,8 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   }
   if (times_ != nullptr) times_->waited(clock_->now() - arrival);
   const auto before = thread_cpu_time();
-  if (std::optional<KeyframeDecision> refused = maker_->refuse_without_image(job.input))
-    return {to_decision(refused->verdict), std::move(refused->reason), {}, {}};
-  Result<GrayImagePtr> image = decode_image(job.image);
-  if (!image) return {OfferDecision::kDamaged, image.error().message, {}, {}};
-  if (!fits(**image, *job.input.camera)) {
-    return {OfferDecision::kDamaged, "the image is not of the camera's size", {}, {}};
-  }
-  job.input.image = std::move(*image);
-  KeyframeDecision decision = maker_->add_keyframe(job.input);
+  KeyframeDecision decision =
+      maker_->add_keyframe(job.input, [&message = job.image] { return decode_image(message); });
   if (decision.verdict == KeyframeVerdict::kAccepted) {
     ++changes_;
     if (is_of_chain)
