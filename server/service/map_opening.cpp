@@ -7,8 +7,16 @@
 #include <new>
 #include <utility>
 
+#include "server/service/client.h"
+
 namespace cairn {
 namespace {
+
+constexpr size_t kDeletedRemembered = 64;  ///< maps
+/// Of each: as many as all clients may have in flight. A client knows what came of commands before these; if
+/// it does not, it is told that the map is not there. A seed, which would be made again, is among these.
+constexpr int64_t kDecisionsRemembered = 2 * kMaxClients * OfferGate::kCredit;
+static_assert(OfferGate::kCredit == RequestGate::kCredit);
 
 /// Of a map maker without images: for the index.
 std::vector<KeyframeView> views_with_images(const MapMaker& maker, const std::vector<ImageRecord>& images) {
@@ -36,6 +44,10 @@ Status guarded(const Logger& log, const std::function<Status()>& work) {
     log->error("internal error while keeping maps: {}", problem.what());
     return fail(ErrorCode::kInternal, "internal error; the server's log says more");
   }
+}
+
+std::vector<DeletedDecisions> MapOpening::decisions_on_deleted() const {
+  return with_.store.decisions_on_deleted(kDeletedRemembered, kDecisionsRemembered);
 }
 
 /// A restored map, or one that has to be set aside.

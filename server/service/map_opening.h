@@ -63,9 +63,7 @@ class MapOpening {
   /// Notes, and says in the log, that a map of the store is not served.
   void leave_alone(MapId map, const std::string& name, const std::string& reason);
   /// Store::decisions_on_deleted(), of so many that a start does not take long.
-  [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted() const {
-    return with_.store.decisions_on_deleted(kDeletedRemembered);
-  }
+  [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted() const;
 
   /// All maps of the store, shared out by `parallel`, each under a new epoch. One that is damaged is set
   /// aside (logged with file, rows and where the copy is) and replaced by what could be saved of it, if
@@ -96,7 +94,6 @@ class MapOpening {
   void change_state(MapId map, const MapMakerOptions& options, RestoredImages images, StateChange how);
 
  private:
-  static constexpr size_t kDeletedRemembered = 64;
   struct Loaded;
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] static Loaded make_ready(MapId map, Result<StoredMap> stored, const MapMakerOptions& options,

@@ -168,13 +168,16 @@ Result<MapHeader> MapFile::read_header(const std::filesystem::path& path) {
   return header ? Result<MapHeader>(std::move(header->header)) : tl::unexpected(header.error());
 }
 
-Result<std::vector<DecisionRecord>> MapFile::read_decisions(const std::filesystem::path& path) {
+Result<std::vector<DecisionRecord>> MapFile::read_decisions(const std::filesystem::path& path,
+                                                            int64_t newest) {
   auto database =
       open_database(path, has_log(path) ? sqlite::OpenMode::kReadWrite : sqlite::OpenMode::kAtRest);
   if (!database) return tl::unexpected(database.error());
   if (const auto version = version_of(&*database); !version) return tl::unexpected(version.error());
   std::vector<DecisionRecord> decisions;
   std::vector<std::string> damage;  // is told by who loads the map
+  const std::string which = "id = " + std::to_string(kFirstDecision) +
+                            " OR id > (SELECT max(id) FROM decisions) - " + std::to_string(newest);
   read_rows(
       &*database, "decisions",
       [&decisions](int64_t, std::span<const uint8_t> data) {
@@ -182,7 +185,7 @@ Result<std::vector<DecisionRecord>> MapFile::read_decisions(const std::filesyste
         if (decision) decisions.push_back(std::move(*decision));
         return decision.has_value();
       },
-      &damage);
+      &damage, which);
   return decisions;
 }
 

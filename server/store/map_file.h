@@ -151,8 +151,10 @@ class MapFile {
   /// The header of a file that nobody has open, without writing anything where its log is empty. Errors: as
   /// open().
   [[nodiscard]] static Result<MapHeader> read_header(const std::filesystem::path& path);
-  /// The decisions alone, likewise; rows that are damaged are left out.
-  [[nodiscard]] static Result<std::vector<DecisionRecord>> read_decisions(const std::filesystem::path& path);
+  /// Of the decisions alone, likewise, the first one, which is the seed's, and the `newest` last; rows that
+  /// are damaged are left out.
+  [[nodiscard]] static Result<std::vector<DecisionRecord>> read_decisions(const std::filesystem::path& path,
+                                                                          int64_t newest);
 
   [[nodiscard]] const MapHeader& header() const { return header_; }
 

@@ -18,12 +18,13 @@ std::string put_row_sql(std::string_view table) {
 }
 
 Status read_table(sqlite::Database* database, std::string_view table, const UseRow& use,
-                  const std::function<void(int64_t id, std::string what)>& unfit) {
+                  const std::function<void(int64_t id, std::string what)>& unfit, std::string_view which) {
   const std::string name(table);
   const auto of_table = [&name](const Error& error) {
     return fail(error.code, "table " + name + ": " + error.message);
   };
-  auto query = database->prepare("SELECT id, data, checksum FROM " + name + " ORDER BY id");
+  auto query = database->prepare("SELECT id, data, checksum FROM " + name + " WHERE " + std::string(which) +
+                                 " ORDER BY id");
   if (!query) return of_table(query.error());
   while (true) {
     const auto row = query->step();
@@ -41,9 +42,9 @@ Status read_table(sqlite::Database* database, std::string_view table, const UseR
 }
 
 void read_rows(sqlite::Database* database, std::string_view table, const UseRow& use,
-               std::vector<std::string>* damage) {
-  const Status read = read_table(database, table, use,
-                                 [damage](int64_t, std::string what) { damage->push_back(std::move(what)); });
+               std::vector<std::string>* damage, std::string_view which) {
+  const auto unfit = [damage](int64_t, std::string what) { damage->push_back(std::move(what)); };
+  const Status read = read_table(database, table, use, unfit, which);
   if (!read) damage->push_back(read.error().message);
 }
 

@@ -22,13 +22,18 @@ namespace cairn {
 /// Whether it can make anything of a row.
 using UseRow = std::function<bool(int64_t id, std::span<const uint8_t> data)>;
 
-/// Shows each sound row to `use`. Rows that are damaged or useless are named to `unfit`. An error: the table
-/// cannot be read to its end (a failing disk, no memory, a broken page), and what follows is unknown.
+/// All rows of a table.
+inline constexpr std::string_view kAllRows = "true";
+
+/// Shows each sound row of those where the condition `which` holds to `use`, by ascending key. Rows that are
+/// damaged or useless are named to `unfit`. An error: the table cannot be read to its end (a failing disk, no
+/// memory, a broken page), and what follows is unknown.
 [[nodiscard]] Status read_table(sqlite::Database* database, std::string_view table, const UseRow& use,
-                                const std::function<void(int64_t id, std::string what)>& unfit);
+                                const std::function<void(int64_t id, std::string what)>& unfit,
+                                std::string_view which = kAllRows);
 
 /// The same, where a table that cannot be read to its end is damage like that of a row.
 void read_rows(sqlite::Database* database, std::string_view table, const UseRow& use,
-               std::vector<std::string>* damage);
+               std::vector<std::string>* damage, std::string_view which = kAllRows);
 
 }  // namespace cairn

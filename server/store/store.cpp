@@ -8,11 +8,9 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
-#include <ctime>
-#include <fstream>
 
+#include "server/store/damaged_folder.h"
 #include "server/store/database_files.h"
 
 namespace cairn {
@@ -20,16 +18,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kSuffix = ".cairnmap";
 constexpr const char* kFreshSuffix = ".new";    ///< being made: nobody has been told of it
 constexpr const char* kSavedSuffix = ".saved";  ///< whole, in place of one that is being set aside
-constexpr const char* kCatalogueSuffix = ".db";
-constexpr size_t kHexDigits = 32;     ///< of an id
-constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
-constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
-constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
+constexpr size_t kMaxOpenFiles = 64;            ///< three descriptors each
+constexpr size_t kProbeBytes = 1 << 20;         ///< two keyframes (README.md)
 
-constexpr const char* kLogSuffix = ".cairnmap-wal";
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
 
 /// For operators, of what has no other reasons.
@@ -37,17 +30,8 @@ constexpr const char* kLoneLog = "a log without its file: the map's last changes
 constexpr const char* kAsideAtEnd =
     "the server ended while it set this aside; the reasons are in what it logged then";
 
-std::string utc_stamp() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  char text[32];
-  std::strftime(text, sizeof(text), "%Y%m%dT%H%M%SZ", &parts);
-  return text;
-}
-
 std::optional<MapId> map_of(const fs::path& path) {
-  if (path.extension() != kSuffix) return std::nullopt;
+  if (path.extension() != kMapSuffix) return std::nullopt;
   const auto bytes = from_hex(path.stem().string());
   return bytes ? std::optional(MapId{*bytes}) : std::nullopt;
 }
@@ -91,45 +75,12 @@ Status check_is_of(MapId map, const MapHeader& header, const fs::path& path) {
   return fail(ErrorCode::kDamaged, path.string() + ": holds another map, " + to_hex(header.id.bytes));
 }
 
-constexpr std::string_view kNameLine = "map ";
-constexpr const char* kReasonsSuffix = ".txt";
-
-fs::path reasons_path_of(const fs::path& file) {
-  return file.string() + kReasonsSuffix;
-}
-
-/// For operators; read_reasons() reads them.
-void write_reasons(const fs::path& beside, const std::string& name, const std::vector<std::string>& reasons) {
-  std::ofstream out(reasons_path_of(beside));
-  if (!name.empty()) out << kNameLine << name << '\n';
-  for (const std::string& reason : reasons) out << reason << '\n';
-}
-
-void read_reasons(DamagedFile* file) {
-  std::ifstream in(reasons_path_of(file->path));
-  for (std::string line; std::getline(in, line);) file->reasons.push_back(std::move(line));
-  if (file->reasons.empty() || !file->reasons.front().starts_with(kNameLine)) return;
-  file->name = file->reasons.front().substr(kNameLine.size());
-  file->reasons.erase(file->reasons.begin());
-}
-
-/// Of what lies in `damaged`: the rest are companions, and what is said of them.
-bool is_set_aside(const fs::path& path) {
-  const std::string extension = path.extension();
-  if (extension == kLogSuffix) return !is_there(fs::path(path).replace_extension(kSuffix));
-  return extension == kSuffix || extension == kCatalogueSuffix;
-}
-
 /// Of a tag that is made before a roll-back, so that it can be taken back.
 std::string free_name(const std::vector<MapTag>& tags) {
   for (uint64_t number = 1;; ++number) {
     std::string name = "before-rollback-" + std::to_string(number);
     if (std::ranges::none_of(tags, [&](const MapTag& tag) { return tag.name == name; })) return name;
   }
-}
-
-Timestamp changed_at(const struct stat& file) {
-  return {file.st_mtim.tv_sec * kNanosecondsPerSecond + file.st_mtim.tv_nsec};
 }
 
 }  // namespace
@@ -183,7 +134,7 @@ Status Store::part_with_lone_logs(const char* part) const {
   const auto entries = entries_of(folder_ / part);
   if (!entries) return tl::unexpected(entries.error());
   for (const fs::path& path : *entries) {
-    if (path.extension() != kLogSuffix || is_there(fs::path(path).replace_extension(kSuffix))) continue;
+    if (path.extension() != kMapLogSuffix || is_there(fs::path(path).replace_extension(kMapSuffix))) continue;
     if (Status parted = part_with_lone_log(path); !parted) return parted;
   }
   return {};
@@ -205,7 +156,7 @@ Status Store::part_with_lone_log(const fs::path& log) const {
     return {};
   }
   const fs::path aside =
-      free_path(folder_ / "damaged", log.stem().string() + "-" + utc_stamp() + kLoneLogEnd, kLogSuffix);
+      free_path(folder_ / "damaged", log.stem().string() + "-" + utc_stamp() + kLoneLogEnd, kMapLogSuffix);
   if (Status moved = move_database(log, aside); !moved) return moved;
   write_reasons(aside, "", {kLoneLog});
   log_->error("{}: a log without its file; kept as {}", log.string(), aside.string());
@@ -215,13 +166,13 @@ Status Store::part_with_lone_log(const fs::path& log) const {
 std::optional<fs::path> Store::moved_file_of(const fs::path& log) const {
   const std::string map = log.stem().string();
   for (const char* part : {"maps", "deleted"}) {
-    fs::path file = folder_ / part / (map + kSuffix);
+    fs::path file = folder_ / part / (map + kMapSuffix);
     if (is_there(file) && !has_log(file)) return file;
   }
   std::optional<fs::path> found;
   for (const fs::path& file : entries_of(folder_ / "damaged").value_or(std::vector<fs::path>())) {
     // The reasons are written when all has been moved.
-    const bool was_under_way = file.extension() == kSuffix && file.filename().string().starts_with(map) &&
+    const bool was_under_way = file.extension() == kMapSuffix && file.filename().string().starts_with(map) &&
                                !has_log(file) && !is_there(reasons_path_of(file));
     if (!was_under_way) continue;
     if (found) return std::nullopt;  // nobody knows whose it is
@@ -244,7 +195,7 @@ Status Store::finish_replacements() {
   std::error_code ignored;
   for (const fs::path& path : *entries) {
     if (is_half_made(path)) fs::remove(path, ignored);
-    const fs::path place = fs::path(path).replace_extension(kSuffix);
+    const fs::path place = fs::path(path).replace_extension(kMapSuffix);
     const auto map = map_of(place);
     if (path.extension() != kSavedSuffix || !map) continue;
     if (is_there(place)) {
@@ -280,7 +231,7 @@ Status Store::open_catalogue() {
 // ---- which maps there are
 
 fs::path Store::path_of(MapId map) const {
-  return folder_ / "maps" / (to_hex(map.bytes) + kSuffix);
+  return folder_ / "maps" / (to_hex(map.bytes) + kMapSuffix);
 }
 
 fs::path Store::fresh_path_of(MapId map) const {
@@ -292,7 +243,7 @@ fs::path Store::saved_path_of(MapId map) const {
 }
 
 fs::path Store::deleted_path_of(MapId map) const {
-  return folder_ / "deleted" / (to_hex(map.bytes) + kSuffix);
+  return folder_ / "deleted" / (to_hex(map.bytes) + kMapSuffix);
 }
 
 std::vector<MapId> Store::maps() const {
@@ -309,8 +260,9 @@ std::vector<DeletedMap> Store::deleted_maps() const {
     const fs::path path = deleted_path_of(map);
     struct stat file {};
     if (::stat(path.c_str(), &file) != 0) continue;
-    DeletedMap& deleted =
-        maps.emplace_back(DeletedMap{{}, changed_at(file), static_cast<uint64_t>(file.st_size), {}});
+    DeletedMap& deleted = maps.emplace_back();
+    deleted.deleted = changed_at(file);
+    deleted.bytes = static_cast<uint64_t>(file.st_size);
     deleted.header.id = map;
     const auto header = MapFile::read_header(path);
     const Status usable = header ? check_is_of(map, *header, path) : tl::unexpected(header.error());
@@ -322,7 +274,7 @@ std::vector<DeletedMap> Store::deleted_maps() const {
   return maps;
 }
 
-std::vector<DeletedDecisions> Store::decisions_on_deleted(size_t most) const {
+std::vector<DeletedDecisions> Store::decisions_on_deleted(size_t maps, int64_t newest) const {
   std::vector<std::pair<int64_t, fs::path>> files;
   for (const MapId map : deleted_ids()) {
     fs::path path = deleted_path_of(map);
@@ -330,34 +282,18 @@ std::vector<DeletedDecisions> Store::decisions_on_deleted(size_t most) const {
     if (::stat(path.c_str(), &file) == 0) files.emplace_back(-changed_at(file).nanoseconds, std::move(path));
   }
   std::ranges::sort(files);
-  files.resize(std::min(files.size(), most));
+  files.resize(std::min(files.size(), maps));
   std::vector<DeletedDecisions> all;
   for (const auto& [age, path] : files) {
     auto header = MapFile::read_header(path);
-    auto decisions = MapFile::read_decisions(path);
+    auto decisions = MapFile::read_decisions(path, newest);
     if (header && decisions) all.push_back({std::move(*header), std::move(*decisions)});
   }
   return all;
 }
 
 std::vector<DamagedFile> Store::damaged_files() const {
-  std::vector<DamagedFile> files;
-  std::error_code problem;
-  for (fs::directory_iterator it(folder_ / "damaged", problem), end; !problem && it != end;
-       it.increment(problem)) {
-    DamagedFile file{.path = it->path(), .map = {}, .name = {}, .set_aside = {}, .reasons = {}};
-    struct stat status {};
-    if (!is_set_aside(file.path) || ::stat(file.path.c_str(), &status) != 0) continue;
-    file.bytes = static_cast<uint64_t>(status.st_size);
-    // The reasons are as old as the move; the file itself keeps its time.
-    if (::stat(reasons_path_of(file.path).c_str(), &status) == 0) file.set_aside = changed_at(status);
-    if (const auto id = from_hex(file.path.stem().string().substr(0, kHexDigits))) file.map = MapId{*id};
-    read_reasons(&file);
-    files.push_back(std::move(file));
-  }
-  std::sort(files.begin(), files.end(),
-            [](const DamagedFile& a, const DamagedFile& b) { return a.path < b.path; });
-  return files;
+  return damaged_files_in(folder_ / "damaged");
 }
 
 Result<MapFile> Store::open_own(MapId map) const {
@@ -550,7 +486,7 @@ Status Store::probe() const {
 Result<fs::path> Store::set_aside(MapId map, const std::string& name,
                                   const std::vector<std::string>& reasons) {
   close(map);
-  const fs::path aside = free_path(folder_ / "damaged", to_hex(map.bytes) + "-" + utc_stamp(), kSuffix);
+  const fs::path aside = free_path(folder_ / "damaged", to_hex(map.bytes) + "-" + utc_stamp(), kMapSuffix);
   if (Status moved = move_database(path_of(map), aside); !moved) return tl::unexpected(moved.error());
   write_reasons(aside, name, reasons);
   return aside;

@@ -26,7 +26,7 @@ struct DeletedMap {
   std::optional<Error> problem;  ///< why its file cannot be used (kDamaged) or read now; the id is known then
 };
 
-/// What was decided on a map that was deleted since.
+/// What was decided on a map that was deleted since: on its seed, and the last of the rest.
 struct DeletedDecisions {
   MapHeader header;
   std::vector<DecisionRecord> decisions;
@@ -79,8 +79,9 @@ class Store {
   /// file, and writes nothing: to purge one must be possible on a full disk.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
-  /// Of the `most` that were deleted last, as far as their files can be read.
-  [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted(size_t most) const;
+  /// Of the `maps` that were deleted last, as far as their files can be read; of each as
+  /// MapFile::read_decisions().
+  [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted(size_t maps, int64_t newest) const;
 
   /// Maps whose place could not be taken at the start by what had been saved of them: none of maps().
   [[nodiscard]] const std::vector<UnloadedMap>& unplaced() const { return unplaced_; }

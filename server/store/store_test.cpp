@@ -136,6 +136,30 @@ TEST_F(StoreTest, TheMapDeletedLastIsNamedFirst) {
   EXPECT_GT(deleted[0].bytes, 0U);
 }
 
+TEST_F(StoreTest, OfDeletedMapsTheFirstAndTheLastDecisionsAreTold) {
+  const auto store = open();
+  start();
+  MapUpdate whole = take_update();
+  for (const uint8_t id : {1, 2, 3}) {
+    header_.id = MapId{{id}};
+    whole.decisions.clear();
+    for (uint64_t seq = 1; seq <= 4 * id; ++seq) whole.decisions.push_back(decision(100 * id + seq));
+    ASSERT_TRUE(store->create(header_, whole));
+  }
+  for (const uint8_t id : {2, 3, 1}) ASSERT_TRUE(store->remove(MapId{{id}}));
+  const auto told = store->decisions_on_deleted(2, 3);
+  ASSERT_THAT(told, SizeIs(2));
+  const auto numbers = [](const DeletedDecisions& map) {
+    std::vector<uint64_t> all;
+    for (const DecisionRecord& d : map.decisions) all.push_back(d.seq);
+    return all;
+  };
+  EXPECT_EQ(told[0].header.id, MapId{{1}}) << "deleted last";
+  EXPECT_THAT(numbers(told[0]), ElementsAre(101, 102, 103, 104)) << "all that there are";
+  EXPECT_EQ(told[1].header.id, MapId{{3}});
+  EXPECT_THAT(numbers(told[1]), ElementsAre(301, 310, 311, 312));
+}
+
 TEST_F(StoreTest, ADeletedMapWithADamagedFileIsListedAndCanBePurged) {
   const auto store = open();
   start();

@@ -216,50 +216,6 @@ TEST_F(KeptMaps, AnotherCameraLetsARestoredMapGrow) {
   EXPECT_LT(errors[errors.size() * 9 / 10], 0.01);
 }
 
-/// Its points were due when the server was killed: the next one makes them, and none outside.
-TEST_F(KeptMaps, AKeyframeThatLacksPointsIsHeldToItsExtentAfterAKill) {
-  seed();
-  const MapSnapshotPtr before = session_->snapshot();
-  testing::Frame frame = testing::make_offer(scene_, *before, 5);
-  const SE3 camera =
-      frame.proposal.camera_from_reference * before->find(frame.proposal.reference)->camera_from_map;
-  std::vector<double> along;
-  for (const auto& block : before->point_blocks) {
-    for (int slot = 0; slot < block->count; ++slot)
-      if (before->find(block->source(slot).id)) along.push_back(block->position(slot).x());
-  }
-  std::ranges::sort(along);
-  const double most = std::max(along[along.size() / 2], camera.center().x() + 0.01);
-  const nlohmann::json box{{-100, -100, -100}, {most, 100, 100}};
-  (void)ask_operator({{"verb", "rights-grant"},
-                      {"to", "anna"},
-                      {"map", to_hex(before->map.bytes)},
-                      {"right", "write"},
-                      {"within", {{"box", box}}}});
-  session_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{5});
-  const auto reply = next_reply();
-  ASSERT_TRUE(reply && reply->accepted) << (reply ? reply->reason : "no reply");
-  EXPECT_EQ(server_->end(SIGKILL), -SIGKILL);
-  restart();
-  const PointId last = before->point_blocks.back()->source(before->point_blocks.back()->count - 1).id;
-  // How far to that side those are that the next server has made.
-  const auto made_since = [&] {
-    const MapSnapshotPtr now = session_->snapshot();
-    std::vector<double> made;
-    for (const auto& block : now->point_blocks) {
-      for (int slot = 0; slot < block->count && now->epoch > before->epoch; ++slot) {
-        const PointId id = block->source(slot).id;
-        if (id > last && now->find(id)) made.push_back(block->position(slot).x());
-      }
-    }
-    return made;
-  };
-  ASSERT_TRUE(eventually([&] { return !made_since().empty(); })) << "it makes points still";
-  ASSERT_TRUE(session_->wait_until_settled(60s));
-  constexpr double kMoved = 0.02;  // by adjustments since
-  EXPECT_THAT(made_since(), ::testing::Each(::testing::Lt(most + kMoved)));
-}
-
 TEST_F(KeptMaps, WhatWasOfferedToAMapThatIsDeletedMeanwhileIsAnswered) {
   seed();
   offer(4);

@@ -11,6 +11,7 @@
 namespace cairn::simulation {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 class CrowdedMap : public LoneClientFixture {
@@ -35,6 +36,10 @@ class CrowdedMap : public LoneClientFixture {
       options.compact_after = std::chrono::minutes(1);
     };
   }
+  [[nodiscard]] std::string told_of(const std::string& question) {
+    EXPECT_EQ(ask(question), "");
+    return reply_ ? reply_->text : std::string();
+  }
   /// So long that it is looked for such maps, and nobody uses this one.
   void let_minutes_pass() {
     for (int i = 0; i < 90; ++i) settle();
@@ -42,6 +47,9 @@ class CrowdedMap : public LoneClientFixture {
 };
 
 TEST_F(CrowdedMap, IsCompactedWhileNobodyUsesItAndGrowsOn) {
+  ASSERT_EQ(ask(R"({"verb": "proposals-welcome", "map": "desk", "welcome": true})"), "");
+  const std::string whose = told_of(R"({"verb": "contributors", "map": "desk"})");
+  ASSERT_THAT(whose, HasSubstr(kClient));
   live_long();
   begin();
   server_->peers().want(kClient, map_);
@@ -53,6 +61,8 @@ TEST_F(CrowdedMap, IsCompactedWhileNobodyUsesItAndGrowsOn) {
   EXPECT_EQ(snapshot_->point_count(), before->point_count());
   EXPECT_EQ(snapshot_->keyframe_count(), before->keyframe_count());
   EXPECT_LT(snapshot_->point_blocks.size(), before->point_blocks.size() / 2);
+  EXPECT_EQ(told_of(R"({"verb": "contributors", "map": "desk"})"), whose);
+  EXPECT_THAT(told_of(R"({"verb": "audit"})"), AllOf(HasSubstr("compact"), HasSubstr("proposals welcome")));
   EXPECT_EQ(judge(sound_offer(6)), "");
   const MapSnapshotPtr grown = snapshot_;
   begin_again();
