@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/geometry/least_squares.h"
 #include "common/image/pyramid.h"
 
 namespace cairn {
@@ -86,18 +87,19 @@ SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera
 
   Eigen::Quaterniond correction = Eigen::Quaterniond::Identity();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 10.0;  // PTAM r114: prior
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    LeastSquares<3> equations;
+    equations.information.diagonal().setConstant(10.0);  // PTAM r114: prior
     for (size_t i = 0; i < 2; ++i) {
       const Eigen::Vector3d point = correction * moved[i];
       Matrix23d jacobian;
       const auto pixel = camera.project(point, &jacobian);
       if (!pixel) return predicted_step;
       const Matrix23d by_rotation = -jacobian * skew(point);
-      normal += by_rotation.transpose() * by_rotation;
-      gradient += by_rotation.transpose() * (target[i] - *pixel);
+      equations.add(by_rotation, Eigen::Vector2d(*pixel - target[i]));
     }
-    correction = so3_exp(normal.ldlt().solve(gradient)) * correction;
+    const auto step = equations.step();
+    if (!step) return predicted_step;
+    correction = so3_exp(*step) * correction;
   }
   return SE3(correction, Eigen::Vector3d::Zero()) * predicted_step;
 }

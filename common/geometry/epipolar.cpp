@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/geometry/least_squares.h"
+#include "common/geometry/levenberg_marquardt.h"
 #include "common/geometry/robust.h"
 
 namespace cairn {
@@ -38,13 +40,12 @@ Eigen::Matrix<double, 3, 2> tangent_basis(const Eigen::Vector3d& t) {
 
 /// Normal equations of the Sampson residuals b^T [t]x R a / spread. The spread counts as constant: its change
 /// multiplies a residual of zero mean.
-void linearize(NormalizedMatches matches, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
+LeastSquares<5> linearize(NormalizedMatches matches, const SE3& pose) {
   const Eigen::Matrix3d R = pose.rotation_matrix();
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Matrix3d E = skew(t) * R;
   const Eigen::Matrix<double, 3, 2> basis = tangent_basis(t);
-  information->setZero();
-  gradient->setZero();
+  LeastSquares<5> equations;
   for (const auto& m : matches) {
     const Eigen::Vector3d line_b = E * m.a;
     const Eigen::Vector3d line_a = E.transpose() * m.b;
@@ -56,10 +57,16 @@ void linearize(NormalizedMatches matches, const SE3& pose, Matrix5d* information
     const Eigen::Vector3d rotated = R * m.a;
     Vector5d jacobian;
     jacobian << rotated.cross(m.b.cross(t)), basis.transpose() * rotated.cross(m.b);
-    information->noalias() += weight * jacobian * jacobian.transpose();
-    gradient->noalias() += weight * algebraic * jacobian;
+    equations.add(jacobian, algebraic, weight);
   }
+  return equations;
 }
+
+/// A pose with its cost.
+struct Judged {
+  SE3 pose;
+  double cost;
+};
 
 }  // namespace
 
@@ -98,42 +105,26 @@ std::array<SE3, 4> twisted_poses(const SE3& pose) {
 }
 
 SE3 refine_epipolar(NormalizedMatches matches, const SE3& start, int iterations) {
-  SE3 pose = start;
-  double cost = epipolar_cost(matches, pose);
-  double damping = 1e-4;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    Matrix5d information;
-    Vector5d gradient;
-    linearize(matches, pose, &information, &gradient);
-    bool improved = false;
-    double gain = 0;
-    for (int attempt = 0; attempt < 4 && !improved; ++attempt) {
-      Matrix5d damped = information;
-      damped.diagonal() *= 1 + damping;
-      const Vector5d step = -damped.ldlt().solve(gradient);
-      if (!step.allFinite()) return pose;
-      const Eigen::Vector3d t =
-          (pose.translation() + tangent_basis(pose.translation()) * step.tail<2>()).normalized();
-      const SE3 candidate(so3_exp(step.head<3>()) * pose.rotation(), t);
-      const double candidate_cost = epipolar_cost(matches, candidate);
-      improved = candidate_cost < cost;
-      if (improved) {
-        gain = cost - candidate_cost;
-        pose = candidate;
-        cost = candidate_cost;
-      }
-      damping *= improved ? 0.1 : 20;
-    }
-    if (!improved || gain < 1e-6 * cost) break;
-  }
-  return pose;
+  Judged judged{start, epipolar_cost(matches, start)};
+  LevenbergMarquardtOptions options;
+  options.iterations = iterations;
+  const auto step = [&](const Judged& from, const LeastSquares<5>& equations,
+                        double damping) -> std::optional<Judged> {
+    const auto by = equations.step(damping);
+    if (!by) return std::nullopt;
+    const Eigen::Vector3d& t = from.pose.translation();
+    const SE3 pose(so3_exp(by->head<3>()) * from.pose.rotation(),
+                   (t + tangent_basis(t) * by->tail<2>()).normalized());
+    return Judged{pose, epipolar_cost(matches, pose)};
+  };
+  levenberg_marquardt(
+      options, &judged, [&](const Judged& at) { return linearize(matches, at.pose); }, step,
+      [](const Judged& at) { return at.cost; });
+  return judged.pose;
 }
 
 double direction_uncertainty(NormalizedMatches matches, const SE3& pose) {
-  Matrix5d information;
-  Vector5d gradient;
-  linearize(matches, pose, &information, &gradient);
-  const Eigen::SelfAdjointEigenSolver<Matrix5d> spectrum(information);
+  const Eigen::SelfAdjointEigenSolver<Matrix5d> spectrum(linearize(matches, pose).information);
   if (!(spectrum.eigenvalues()(0) > 1e-12 * spectrum.eigenvalues()(4)))
     return std::numeric_limits<double>::infinity();
   const Matrix5d covariance = spectrum.eigenvectors() * spectrum.eigenvalues().cwiseInverse().asDiagonal() *

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
 
 #include "common/geometry/epipolar.h"
+#include "common/geometry/least_squares.h"
 #include "common/geometry/robust.h"
 
 namespace cairn {
@@ -114,8 +114,7 @@ Eigen::Matrix3d fit_rotation(NormalizedMatches matches, const Eigen::Matrix3d& H
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix3d rotation = svd.matrixU() * svd.matrixV().transpose();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    LeastSquares<3> equations;
     for (const auto& m : matches) {
       const Eigen::Vector3d p = rotation * m.a;
       const Eigen::Vector2d projected = p.head<2>() / p.z();
@@ -126,12 +125,11 @@ Eigen::Matrix3d fit_rotation(NormalizedMatches matches, const Eigen::Matrix3d& H
       Eigen::Matrix<double, 2, 3> d_projected;
       d_projected << 1, 0, -projected.x(), 0, 1, -projected.y();
       const Eigen::Matrix<double, 2, 3> jacobian = d_projected / p.z() * -skew(p);
-      information += weight * jacobian.transpose() * jacobian;
-      gradient += weight * jacobian.transpose() * residual;
+      equations.add(jacobian, residual, weight);
     }
-    const Eigen::Vector3d step = -information.ldlt().solve(gradient);
-    if (!step.allFinite()) break;
-    rotation = so3_exp(step) * rotation;
+    const auto step = equations.step();
+    if (!step) break;
+    rotation = so3_exp(*step) * rotation;
   }
   return rotation;
 }

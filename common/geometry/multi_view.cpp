@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "common/base/median.h"
+#include "common/geometry/levenberg_marquardt.h"
 #include "common/geometry/robust.h"
 #include "common/geometry/two_view.h"
 
@@ -24,12 +25,7 @@ constexpr double kLeastNoise = 0.01;
 /// leaves unexplained is in both, and so is what neither explains.
 constexpr double kClearRatio = 1.1;
 
-// Levenberg-Marquardt: damping at first, what a step that is kept and one that is not make of it, how many
-// are tried in one iteration, and the share of the cost below which a gain ends it.
-constexpr double kFirstDamping = 1e-4;
-constexpr double kDampingKept = 0.1;
-constexpr double kDampingRefused = 20;
-constexpr int kAttempts = 4;
+/// Share of the cost: a step that gains less is the last.
 constexpr double kLeastGain = 1e-4;
 
 /// Of the squared sine between a ray and the motion, which has length 1: a point seen along it has no
@@ -189,31 +185,35 @@ Structure moved(const Structure& s, const Reduced& r, const Eigen::VectorXd& ste
   return next;
 }
 
-/// Levenberg-Marquardt; the cut-off follows the residuals unless it is given. Returns the last cut-off.
+/// With what it leaves of each point in each view.
+struct Judged {
+  Structure structure;
+  std::vector<double> squared;
+};
+
+/// The cut-off follows the residuals unless it is given. Returns the last cut-off.
 double adjust(const Problem& problem, std::optional<double> given_cutoff, Structure* s) {
-  double damping = kFirstDamping;
-  std::vector<double> squared = squared_residuals(problem, *s);
+  Judged judged{*s, squared_residuals(problem, *s)};
   double cutoff = 0;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    cutoff = given_cutoff ? *given_cutoff : cutoff_of(squared, problem.points());
-    const double cost = robust_cost(squared, cutoff);
-    const NormalEquations equations = build(problem, *s, cutoff);
-    double gain = 0;
-    for (int attempt = 0; attempt < kAttempts && gain <= 0; ++attempt) {
-      const Reduced r = reduce(equations, *s, damping);
-      const Eigen::VectorXd step = -r.information.ldlt().solve(r.gradient);
-      if (!step.allFinite()) return cutoff;
-      const Structure next = moved(*s, r, step);
-      std::vector<double> next_squared = squared_residuals(problem, next);
-      gain = cost - robust_cost(next_squared, cutoff);
-      damping *= gain > 0 ? kDampingKept : kDampingRefused;
-      if (gain > 0) {
-        *s = next;
-        squared = std::move(next_squared);
-      }
-    }
-    if (gain < kLeastGain * cost) break;
-  }
+  LevenbergMarquardtOptions options;
+  options.iterations = kIterations;
+  options.least_gain = kLeastGain;
+  const auto linearize = [&](const Judged& at) {
+    cutoff = given_cutoff ? *given_cutoff : cutoff_of(at.squared, problem.points());
+    return build(problem, at.structure, cutoff);
+  };
+  const auto step = [&](const Judged& from, const NormalEquations& equations,
+                        double damping) -> std::optional<Judged> {
+    const Reduced r = reduce(equations, from.structure, damping);
+    const Eigen::VectorXd by = -r.information.ldlt().solve(r.gradient);
+    if (!by.allFinite()) return std::nullopt;
+    Structure next = moved(from.structure, r, by);
+    std::vector<double> squared = squared_residuals(problem, next);
+    return Judged{std::move(next), std::move(squared)};
+  };
+  levenberg_marquardt(options, &judged, linearize, step,
+                      [&](const Judged& at) { return robust_cost(at.squared, cutoff); });
+  *s = std::move(judged.structure);
   return cutoff;
 }
 

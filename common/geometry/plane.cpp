@@ -2,13 +2,13 @@
 #include "common/geometry/plane.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <tuple>
 #include <utility>
 
-#include "common/geometry/sampling.h"
+#include "common/geometry/ransac.h"
 
 namespace cairn {
 namespace {
@@ -26,23 +26,25 @@ struct Plane {
 /// collinear.
 std::optional<Plane> best_triple(std::span<const Eigen::Vector3d> points, double inlier_distance, int trials,
                                  uint64_t seed) {
-  MinimalSampler sampler(seed, points.size());
-  std::optional<Plane> best;
-  double best_cost = inlier_distance * static_cast<double>(points.size());
-  for (int trial = 0; trial < trials; ++trial) {
-    const auto [i, j, k] = sampler.draw<3>();
-    const Eigen::Vector3d normal = (points[j] - points[i]).cross(points[k] - points[i]);
+  RansacOptions options;
+  options.population = points.size();
+  options.all_outliers = inlier_distance * static_cast<double>(points.size());
+  options.most_trials = trials;
+  options.stops_early = false;
+  options.seed = seed;
+  const auto propose = [&](const std::array<size_t, 3>& sample,
+                           double limit) -> std::optional<Hypothesis<Plane>> {
+    const Eigen::Vector3d& corner = points[sample[0]];
+    const Eigen::Vector3d normal = (points[sample[1]] - corner).cross(points[sample[2]] - corner);
     const double length = normal.norm();
-    if (!(length > 1e-12)) continue;
-    const Plane plane{normal / length, points[i]};
-    double cost = 0;
-    for (const auto& p : points) cost += std::min(plane.distance(p), inlier_distance);
-    if (cost < best_cost) {
-      best_cost = cost;
-      best = plane;
-    }
-  }
-  return best;
+    if (!(length > 1e-12)) return std::nullopt;
+    const Plane plane{normal / length, corner};
+    const double cost = truncated_cost(points, inlier_distance, limit,
+                                       [&](const Eigen::Vector3d& p) { return plane.distance(p); });
+    if (!(cost < limit)) return std::nullopt;
+    return Hypothesis<Plane>{plane, cost};
+  };
+  return ransac<3, Plane>(options, propose);
 }
 
 /// Least-squares plane of the inliers of `plane`, and their number.

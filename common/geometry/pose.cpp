@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "common/geometry/normal_equations.h"
+#include "common/geometry/ransac.h"
 #include "common/geometry/robust.h"
-#include "common/geometry/sampling.h"
 
 namespace cairn {
 namespace {
@@ -140,7 +140,7 @@ tl::unexpected<Error> singular() {
 
 /// Weights, inliers, rms, information and covariance (for the sigmas as given, without options.prior) at the
 /// end.
-Status summarize(const SE3& pose, const std::vector<Linearized>& linearized, double cutoff,
+Status summarise(const SE3& pose, const std::vector<Linearized>& linearized, double cutoff,
                  const std::optional<PositionPrior>& position, PoseEstimate* estimate) {
   estimate->camera_from_map = pose;
   weigh(linearized, cutoff, &estimate->weights);
@@ -185,15 +185,31 @@ class DrawnRays {
 /// Truncated squared error (MSAC) of a pose; gives up once it exceeds `limit`.
 double msac_cost(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
                  double squared_threshold, double limit) {
-  double cost = 0;
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
-  for (const auto& o : observations) {
+  return truncated_cost(observations, squared_threshold, limit, [&](const PointObservation& o) {
     const auto pixel = camera.project(Eigen::Vector3d(rotation * o.point_in_map + pose.translation()));
-    const double squared = pixel ? (*pixel - o.pixel).squaredNorm() / (o.sigma * o.sigma) : squared_threshold;
-    cost += std::min(squared, squared_threshold);
-    if (cost >= limit) break;
+    return pixel ? (*pixel - o.pixel).squaredNorm() / (o.sigma * o.sigma) : squared_threshold;
+  });
+}
+
+/// The best pose that three observations allow, if it costs less than `limit`.
+std::optional<Hypothesis<SE3>> pose_of_triple(const Camera& camera,
+                                              std::span<const PointObservation> observations,
+                                              const std::array<size_t, 3>& sample, double squared_threshold,
+                                              double limit, DrawnRays* drawn) {
+  std::array<Eigen::Vector3d, 3> rays;
+  std::array<Eigen::Vector3d, 3> points;
+  for (size_t i = 0; i < 3; ++i) {
+    rays[i] = drawn->at(sample[i]);
+    points[i] = observations[sample[i]].point_in_map;
   }
-  return cost;
+  std::optional<Hypothesis<SE3>> best;
+  for (const SE3& pose : solve_p3p(rays, points)) {
+    const double least = best ? best->cost : limit;
+    const double cost = msac_cost(camera, pose, observations, squared_threshold, least);
+    if (cost < least) best = {pose, cost};
+  }
+  return best;
 }
 
 }  // namespace
@@ -246,7 +262,7 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
     if (cutoff_settled && -step.dot(gradient) < kConverged) break;
   }
   linearize(camera, pose, observations, supplement.bearings, linearized);
-  return summarize(pose, linearized, cutoff_for(options.iterations, options, workspace), supplement.position,
+  return summarise(pose, linearized, cutoff_for(options.iterations, options, workspace), supplement.position,
                    estimate);
 }
 
@@ -259,29 +275,15 @@ Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObse
                                             " needed");
   }
   const double squared_threshold = options.threshold * options.threshold;
-  const auto count = static_cast<double>(observations.size());
-  MinimalSampler sampler(options.seed, observations.size());
+  RansacOptions drawing;
+  drawing.population = observations.size();
+  drawing.all_outliers = squared_threshold * static_cast<double>(observations.size());
+  drawing.most_trials = options.iterations;
+  drawing.seed = options.seed;
   DrawnRays drawn(camera, observations);
-  std::optional<SE3> best;
-  double best_cost = squared_threshold * count;
-  int trials = options.iterations;
-  for (int trial = 0; trial < trials; ++trial) {
-    const auto sample = sampler.draw<3>();
-    std::array<Eigen::Vector3d, 3> rays;
-    std::array<Eigen::Vector3d, 3> points;
-    for (size_t i = 0; i < 3; ++i) {
-      rays[i] = drawn.at(sample[i]);
-      points[i] = observations[sample[i]].point_in_map;
-    }
-    for (const SE3& pose : solve_p3p(rays, points)) {
-      const double cost = msac_cost(camera, pose, observations, squared_threshold, best_cost);
-      if (cost >= best_cost) continue;
-      best_cost = cost;
-      best = pose;
-      trials =
-          std::min(trials, required_trials(1 - cost / (squared_threshold * count), 3, options.iterations));
-    }
-  }
+  const auto best = ransac<3, SE3>(drawing, [&](const std::array<size_t, 3>& sample, double limit) {
+    return pose_of_triple(camera, observations, sample, squared_threshold, limit, &drawn);
+  });
   if (!best) return fail(ErrorCode::kDegenerate, "pose: no triple of matches gives a pose");
 
   // Tukey's cut-off is fixed at the RANSAC threshold: with outliers in the majority the median would be

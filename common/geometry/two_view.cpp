@@ -12,8 +12,8 @@
 
 #include "common/base/median.h"
 #include "common/geometry/epipolar.h"
+#include "common/geometry/ransac.h"
 #include "common/geometry/robust.h"
-#include "common/geometry/sampling.h"
 #include "common/geometry/triangulation.h"
 
 namespace cairn {
@@ -39,17 +39,6 @@ std::string text(const char* format, Values... values) {
   return buffer.data();
 }
 
-/// Sum of truncated residuals (MSAC, Torr and Zisserman 2000); stops counting at `limit`.
-template <typename Error>
-double msac_cost(NormalizedMatches matches, double cutoff, double limit, Error error) {
-  double cost = 0;
-  for (const auto& m : matches) {
-    cost += std::min(error(m), cutoff);
-    if (cost >= limit) break;
-  }
-  return cost;
-}
-
 template <size_t N>
 std::array<NormalizedMatch, N> pick(NormalizedMatches matches, const std::array<size_t, N>& indices) {
   std::array<NormalizedMatch, N> sample;
@@ -57,67 +46,68 @@ std::array<NormalizedMatch, N> pick(NormalizedMatches matches, const std::array<
   return sample;
 }
 
-struct Hypothesis {
-  Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
-  double cost = std::numeric_limits<double>::infinity();
-};
-
 double homography_cost(NormalizedMatches matches, const Eigen::Matrix3d& H, double limit) {
   const Eigen::Matrix3d inverse = H.inverse();
-  return msac_cost(matches, kTransferCutoff, limit,
-                   [&](const NormalizedMatch& m) { return transfer_error(H, inverse, m); });
+  return truncated_cost(matches, kTransferCutoff, limit,
+                        [&](const NormalizedMatch& m) { return transfer_error(H, inverse, m); });
 }
 
 double essential_cost(NormalizedMatches matches, const Eigen::Matrix3d& E, double limit) {
-  return msac_cost(matches, kEpipolarCutoff, limit,
-                   [&](const NormalizedMatch& m) { return sampson_error(E, m); });
+  return truncated_cost(matches, kEpipolarCutoff, limit,
+                        [&](const NormalizedMatch& m) { return sampson_error(E, m); });
+}
+
+RansacOptions drawing_of(NormalizedMatches matches, double cutoff, const TwoViewOptions& options) {
+  RansacOptions drawing;
+  drawing.population = matches.size();
+  drawing.all_outliers = cutoff * static_cast<double>(matches.size());
+  drawing.most_trials = options.iterations;
+  drawing.seed = options.seed;
+  return drawing;
+}
+
+/// Of four matches, refined by all its inliers where that pays: a minimal sample carries the noise of four.
+std::optional<Hypothesis<Eigen::Matrix3d>> homography_of(NormalizedMatches matches,
+                                                         const std::array<size_t, 4>& sample, double limit) {
+  Eigen::Matrix3d H;
+  if (!solve_four_point(pick(matches, sample), &H)) return std::nullopt;
+  const double cost = homography_cost(matches, H, limit);
+  if (!(cost < limit)) return std::nullopt;
+  const Eigen::Matrix3d refined = refine_homography(matches, H, 3);
+  const double refined_cost = homography_cost(matches, refined, cost);
+  if (refined_cost < cost) return Hypothesis<Eigen::Matrix3d>{refined, refined_cost};
+  return Hypothesis<Eigen::Matrix3d>{H, cost};
 }
 
 std::optional<Eigen::Matrix3d> find_homography(NormalizedMatches matches, const TwoViewOptions& options) {
-  const double all_out = kTransferCutoff * static_cast<double>(matches.size());
-  MinimalSampler sampler(options.seed, matches.size());
-  Hypothesis best{Eigen::Matrix3d::Identity(), all_out};
-  int trials = options.iterations;
-  for (int trial = 0; trial < trials; ++trial) {
-    Eigen::Matrix3d H;
-    if (!solve_four_point(pick(matches, sampler.draw<4>()), &H)) continue;
-    if (const double cost = homography_cost(matches, H, best.cost); cost < best.cost) {
-      best = {H, cost};
-      // A minimal sample carries the noise of four matches; all its inliers together do better.
-      const Eigen::Matrix3d refined = refine_homography(matches, H, 3);
-      if (const double refined_cost = homography_cost(matches, refined, best.cost);
-          refined_cost < best.cost) {
-        best = {refined, refined_cost};
-      }
-      trials = std::min(trials, required_trials(1 - best.cost / all_out, 4, options.iterations));
-    }
-  }
-  if (best.cost >= all_out) return std::nullopt;
-  return refine_homography(matches, best.matrix, kRefinements);
+  const auto best = ransac<4, Eigen::Matrix3d>(drawing_of(matches, kTransferCutoff, options),
+                                               [&](const std::array<size_t, 4>& sample, double limit) {
+                                                 return homography_of(matches, sample, limit);
+                                               });
+  if (!best) return std::nullopt;
+  return refine_homography(matches, *best, kRefinements);
 }
 
-/// Locally optimized RANSAC (Chum, Matas and Kittler 2003); the pose is one of the four of its essential
-/// matrix.
-std::optional<SE3> find_essential(NormalizedMatches matches, const TwoViewOptions& options) {
-  const double all_out = kEpipolarCutoff * static_cast<double>(matches.size());
-  MinimalSampler sampler(options.seed, matches.size());
-  std::optional<SE3> best;
-  double best_cost = all_out;
+/// The best essential matrix of five matches; the pose is one of its four, refined by all its inliers.
+std::optional<Hypothesis<SE3>> epipolar_of(NormalizedMatches matches, const std::array<size_t, 5>& sample,
+                                           double limit) {
   std::vector<Eigen::Matrix3d> solutions;
-  int trials = options.iterations;
-  for (int trial = 0; trial < trials; ++trial) {
-    solutions.clear();
-    solve_five_point(pick(matches, sampler.draw<5>()), solutions);
-    Hypothesis winner{Eigen::Matrix3d::Zero(), best_cost};
-    for (const auto& E : solutions) {
-      if (const double cost = essential_cost(matches, E, winner.cost); cost < winner.cost) winner = {E, cost};
-    }
-    if (winner.cost >= best_cost) continue;
-    const SE3 refined = refine_epipolar(matches, pose_of_essential(winner.matrix), 4);
-    best = refined;
-    best_cost = std::min(winner.cost, essential_cost(matches, essential_of(refined), all_out));
-    trials = std::min(trials, required_trials(1 - best_cost / all_out, 5, options.iterations));
+  solve_five_point(pick(matches, sample), solutions);
+  std::optional<Hypothesis<Eigen::Matrix3d>> winner;
+  for (const auto& E : solutions) {
+    const double least = winner ? winner->cost : limit;
+    if (const double cost = essential_cost(matches, E, least); cost < least) winner = {E, cost};
   }
+  if (!winner) return std::nullopt;
+  const SE3 refined = refine_epipolar(matches, pose_of_essential(winner->model), 4);
+  const double refined_cost = essential_cost(matches, essential_of(refined), winner->cost);
+  return Hypothesis<SE3>{refined, std::min(winner->cost, refined_cost)};
+}
+
+std::optional<SE3> find_essential(NormalizedMatches matches, const TwoViewOptions& options) {
+  const auto best = ransac<5, SE3>(
+      drawing_of(matches, kEpipolarCutoff, options),
+      [&](const std::array<size_t, 5>& sample, double limit) { return epipolar_of(matches, sample, limit); });
   if (!best) return std::nullopt;
   return refine_epipolar(matches, *best, kRefinements);
 }
@@ -354,7 +344,7 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
 
 /// A pixel as (x/z, y/z, 1), and the variance there of a pixel with `sigma`: where the lens compresses the
 /// view, a pixel is a larger angle (mean over directions). Not finite for a pixel of a wide lens that looks
-/// along the image plane or behind it: no plane image has it.
+/// along the image plane or behind it: no plane picture has it.
 std::pair<Eigen::Vector3d, double> normalize(const Camera& camera, const Eigen::Vector2d& pixel,
                                              double sigma) {
   constexpr double kMinCosine = 0.05;

@@ -9,13 +9,14 @@
 #include <utility>
 
 #include "client/app/calibrate/board_pose.h"
+#include "common/geometry/levenberg_marquardt.h"
 
 namespace cairn {
 namespace {
 
 constexpr size_t kMinViews = 3;
 constexpr size_t kMinPoints = 6;  ///< of a view
-constexpr Eigen::Index kLinearAndFirstDistortion = 5;
+constexpr Eigen::Index kLinearAndFirstBend = 5;
 constexpr Eigen::Index kAllValues = 8;  ///< of both models: four linear ones and four of distortion
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -78,24 +79,20 @@ class Problem {
 
   /// Levenberg-Marquardt over the poses and the camera's first `free` values.
   void minimize(Eigen::Index free, State* state) const {
-    constexpr int kMaxIterations = 100;
-    constexpr double kConverged = 1e-10;  // relative drop of the cost
-    double damping = 1e-3;
-    double now = cost(*state);
-    for (int i = 0; i < kMaxIterations && damping < 1e10; ++i) {
-      const NormalEquations equations = linearize(*state, free);
-      const auto next = step(*state, equations, free, damping);
-      const double then = next ? cost(*next) : kInfinity;
-      if (!(then < now)) {
-        damping *= 10;
-        continue;
-      }
-      *state = *next;
-      damping = std::max(damping * 0.1, 1e-12);
-      const bool converged = now - then < kConverged * now;
-      now = then;
-      if (converged) break;
-    }
+    LevenbergMarquardtOptions options;
+    options.iterations = 100;
+    options.attempts = 100;
+    options.first_damping = 1e-3;
+    options.after_refused = 10;
+    options.least_damping = 1e-12;
+    options.most_damping = 1e10;
+    options.least_gain = 1e-10;
+    levenberg_marquardt(
+        options, state, [&](const State& at) { return linearize(at, free); },
+        [&](const State& from, const NormalEquations& equations, double damping) {
+          return step(from, equations, free, damping);
+        },
+        [&](const State& at) { return cost(at); });
   }
 
   /// Leaves out points far beyond the others and views that are off as a whole or have too little left.
@@ -283,7 +280,7 @@ Result<BoardCalibration> calibrate(CameraModel model, ImageSize size, const std:
   auto state = problem.guess();
   if (!state) return fail(ErrorCode::kDegenerate, "no view shows enough of the board");
   problem.drop_hopeless(&*state);
-  problem.minimize(kLinearAndFirstDistortion, &*state);
+  problem.minimize(kLinearAndFirstBend, &*state);
   problem.minimize(kAllValues, &*state);
   problem.reject_outliers(&*state);
   problem.minimize(kAllValues, &*state);
