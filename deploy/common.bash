@@ -38,7 +38,7 @@ give_back() {
   done
 }
 
-# Compilers at once: one per core, as far as memory goes (the optimiser's sources take 1.5 GB each).
+# Compilers at once: one per core, as far as memory goes (the optimizer's sources take 1.5 GB each).
 build_jobs() {
   local cores memory_gb
   cores=$(nproc)

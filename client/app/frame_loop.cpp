@@ -254,7 +254,7 @@ std::optional<FrameLoop::StartOver> FrameLoop::reason_to_start_over(const Sessio
   if (!status.map_known) return StartOver{"lost, and the server does not know the map"};
   const auto unmapped_for = lost_.unmapped_for();
   if (!options_.make_maps || unmapped_for <= unmapped_for.zero()) return std::nullopt;
-  if (!has_tracked_) return StartOver{"the place suggested does not hold, and no map is known of this one"};
+  if (!has_tracked_) return StartOver{"the answer does not hold, and no map is known of this place"};
   if (unmapped_for >= options_.lost_patience) {
     return StartOver{fmt::format("lost for {:.1f} s where no map is known",
                                  std::chrono::duration<double>(unmapped_for).count())};

@@ -140,7 +140,7 @@ tl::unexpected<Error> singular() {
 
 /// Weights, inliers, rms, information and covariance (for the sigmas as given, without options.prior) at the
 /// end.
-Status summarise(const SE3& pose, const std::vector<Linearized>& linearized, double cutoff,
+Status summarize(const SE3& pose, const std::vector<Linearized>& linearized, double cutoff,
                  const std::optional<PositionPrior>& position, PoseEstimate* estimate) {
   estimate->camera_from_map = pose;
   weigh(linearized, cutoff, &estimate->weights);
@@ -262,7 +262,7 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
     if (cutoff_settled && -step.dot(gradient) < kConverged) break;
   }
   linearize(camera, pose, observations, supplement.bearings, linearized);
-  return summarise(pose, linearized, cutoff_for(options.iterations, options, workspace), supplement.position,
+  return summarize(pose, linearized, cutoff_for(options.iterations, options, workspace), supplement.position,
                    estimate);
 }
 

@@ -344,7 +344,7 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
 
 /// A pixel as (x/z, y/z, 1), and the variance there of a pixel with `sigma`: where the lens compresses the
 /// view, a pixel is a larger angle (mean over directions). Not finite for a pixel of a wide lens that looks
-/// along the image plane or behind it: no plane picture has it.
+/// along the image plane or behind it: no plane image has it.
 std::pair<Eigen::Vector3d, double> normalize(const Camera& camera, const Eigen::Vector2d& pixel,
                                              double sigma) {
   constexpr double kMinCosine = 0.05;

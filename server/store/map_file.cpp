@@ -176,16 +176,20 @@ Result<std::vector<DecisionRecord>> MapFile::read_decisions(const std::filesyste
   if (const auto version = version_of(&*database); !version) return tl::unexpected(version.error());
   std::vector<DecisionRecord> decisions;
   std::vector<std::string> damage;  // is told by who loads the map
-  const std::string which = "id = " + std::to_string(kFirstDecision) +
-                            " OR id > (SELECT max(id) FROM decisions) - " + std::to_string(newest);
-  read_rows(
-      &*database, "decisions",
-      [&decisions](int64_t, std::span<const uint8_t> data) {
-        auto decision = decode_decision(data);
-        if (decision) decisions.push_back(std::move(*decision));
-        return decision.has_value();
-      },
-      &damage, which);
+  const auto read = [&](const std::string& which) {
+    read_rows(
+        &*database, "decisions",
+        [&decisions](int64_t, std::span<const uint8_t> data) {
+          auto decision = decode_decision(data);
+          if (decision) decisions.push_back(std::move(*decision));
+          return decision.has_value();
+        },
+        &damage, which);
+  };
+  // Two conditions, since SQLite walks the whole table for one that joins them by OR.
+  const std::string first = std::to_string(kFirstDecision);
+  read("id = " + first);
+  read("id > max(" + first + ", (SELECT max(id) FROM decisions) - " + std::to_string(newest) + ")");
   return decisions;
 }
 

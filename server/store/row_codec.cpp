@@ -98,7 +98,7 @@ std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row) {
   return camera;
 }
 
-// ---- found camera
+// ---- calibrated camera
 
 Blob encode_calibrated_camera(const MapCamera& camera) {
   ByteWriter out;

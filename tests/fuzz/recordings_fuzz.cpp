@@ -21,7 +21,7 @@ const OwnFolder& folder() {
   return made;
 }
 
-/// All frames that a list names; their pictures are not there.
+/// All frames that a list names; their images are not there.
 void read_frames(const std::string& uri) {
   const auto source = open_source(uri);
   if (!source) return demand(!source.error().message.empty(), "a refusal has a reason");

@@ -23,7 +23,7 @@ OLD_WORDS = re.compile(
     r"(?:picture_size|PictureSize|PictureLink|CameraNews|CameraKeeper|DoubtfulCamera|CameraDoubt|doubt_camera|FoundOut|FoundCamera"
     r"|PlaceDesk|PlaceAnswer|PlaceQuery|PlaceVerdict|PoseSuggestion|LabelBook|ProposalBook|OverlapBook|NewestQuestions|kQuestion"
     r"|SerialQueue|ServiceLanes|HeldLane|beside_store|run_beside|let_images_go|bytes_to_wake|bytes_let_go|proven_in"
-    r"|PointElimination|few_views|linearise|minimise)\w*")
+    r"|PointElimination|few_views|linearise|minimise|summarise|normalise|factorise|FirstBend)\w*")
 
 
 def files(*endings):

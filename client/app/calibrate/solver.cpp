@@ -16,7 +16,7 @@ namespace {
 
 constexpr size_t kMinViews = 3;
 constexpr size_t kMinPoints = 6;  ///< of a view
-constexpr Eigen::Index kLinearAndFirstBend = 5;
+constexpr Eigen::Index kLinearAndFirstDistortion = 5;
 constexpr Eigen::Index kAllValues = 8;  ///< of both models: four linear ones and four of distortion
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -280,7 +280,7 @@ Result<BoardCalibration> calibrate(CameraModel model, ImageSize size, const std:
   auto state = problem.guess();
   if (!state) return fail(ErrorCode::kDegenerate, "no view shows enough of the board");
   problem.drop_hopeless(&*state);
-  problem.minimize(kLinearAndFirstBend, &*state);
+  problem.minimize(kLinearAndFirstDistortion, &*state);
   problem.minimize(kAllValues, &*state);
   problem.reject_outliers(&*state);
   problem.minimize(kAllValues, &*state);

@@ -36,8 +36,8 @@ class CrowdedMap : public LoneClientFixture {
       options.compact_after = std::chrono::minutes(1);
     };
   }
-  [[nodiscard]] std::string told_of(const std::string& question) {
-    EXPECT_EQ(ask(question), "");
+  [[nodiscard]] std::string told_of(const std::string& request) {
+    EXPECT_EQ(ask(request), "");
     return reply_ ? reply_->text : std::string();
   }
   /// So long that it is looked for such maps, and nobody uses this one.
