@@ -20,7 +20,7 @@ void Histogram::add(double value) {
   ++cells_[cell];
   least_ = count_ == 0 ? value : std::min(least_, value);
   greatest_ = count_ == 0 ? value : std::max(greatest_, value);
-  ++count_;
+  count_ = count_ + 1;
 }
 
 double Histogram::percentile(double p) const {

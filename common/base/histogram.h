@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/base/reset_on_move.h"
+
 namespace cairn {
 
 /// Percentiles of a stream in bounded memory: counts in cells 1 % wide, so that a percentile is right to half
@@ -18,7 +20,7 @@ class Histogram {
 
  private:
   std::vector<uint64_t> cells_;
-  size_t count_ = 0;
+  ResetOnMove<size_t> count_;
   double least_ = 0;
   double greatest_ = 0;
 };

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <utility>
 #include <vector>
 
 namespace cairn {
@@ -37,6 +38,16 @@ TEST(Histogram, ValuesBeyondItsRangeCountAtTheEnds) {
   for (const double value : {0.0, -1.0, 1e-9, 5.0}) histogram.add(value);
   EXPECT_LE(histogram.percentile(0.5), 1.01e-3);
   EXPECT_NEAR(histogram.percentile(1), 5, 0.05);
+}
+
+TEST(Histogram, OneThatIsMovedFromIsOfNothing) {
+  Histogram histogram;
+  histogram.add(7);
+  const Histogram taken = std::move(histogram);
+  EXPECT_EQ(taken.count(), 1U);
+  EXPECT_EQ(histogram.count(), 0U);  // NOLINT(bugprone-use-after-move): what the test is about
+  histogram.add(3);
+  EXPECT_DOUBLE_EQ(histogram.percentile(0.5), 3);
 }
 
 }  // namespace

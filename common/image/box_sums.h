@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "common/base/reset_on_move.h"
 #include "common/image/image.h"
 #include "common/image/patch.h"
 
@@ -28,8 +29,8 @@ class BoxSums {
     return static_cast<size_t>(top) * static_cast<size_t>(width_) + static_cast<size_t>(left);
   }
 
-  int width_;
-  int height_;
+  ResetOnMove<int> width_;
+  ResetOnMove<int> height_;
   std::vector<uint16_t> sums_;
   std::vector<int32_t> squares_;
 };

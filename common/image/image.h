@@ -7,6 +7,8 @@
 #include <memory>
 #include <new>
 
+#include "common/base/reset_on_move.h"
+
 namespace cairn {
 
 /// Non-owning read-only view of 8-bit grey pixels; pixel (x, y) at data[y * stride + x].
@@ -27,7 +29,8 @@ struct GrayView {
 };
 
 /// Owning 8-bit grey image: rows aligned to 64 bytes, 64 readable bytes beyond the last row (vector loads may
-/// overrun). Move-only; share it as shared_ptr<const GrayImage>. resize() keeps the memory when it suffices.
+/// overrun). Move-only, and empty once moved from; share it as
+/// shared_ptr<const GrayImage>. resize() keeps the memory when it suffices.
 class GrayImage {
  public:
   GrayImage() = default;
@@ -66,10 +69,10 @@ class GrayImage {
     void operator()(uint8_t* p) const { ::operator delete[](p, std::align_val_t{64}); }
   };
   std::unique_ptr<uint8_t[], AlignedDelete> buffer_;
-  size_t capacity_ = 0;
-  int width_ = 0;
-  int height_ = 0;
-  int stride_ = 0;
+  ResetOnMove<size_t> capacity_;
+  ResetOnMove<int> width_;
+  ResetOnMove<int> height_;
+  ResetOnMove<int> stride_;
 };
 
 using GrayImagePtr = std::shared_ptr<const GrayImage>;

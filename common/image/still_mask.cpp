@@ -62,7 +62,7 @@ size_t StillMask::still_cells() const {
 // What is left of an image beyond the last whole cell is as that cell.
 bool StillMask::covers(const Eigen::Vector2f& pixel) const {
   const auto is_within = [](float value, int cells) {
-    return value >= 0 && value < static_cast<float>((cells + 1) * kCell);
+    return cells > 0 && value >= 0 && value < static_cast<float>((cells + 1) * kCell);
   };
   return is_within(pixel.x(), width_) && is_within(pixel.y(), height_) &&
          is_still(std::min(static_cast<int>(pixel.x()) / kCell, width_ - 1),

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "common/base/reset_on_move.h"
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
 
@@ -48,8 +49,8 @@ class StillMask {
     return static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x);
   }
 
-  int width_;
-  int height_;
+  ResetOnMove<int> width_;
+  ResetOnMove<int> height_;
   std::vector<uint8_t> still_;
   std::vector<uint8_t> touched_;  ///< bit l of a cell: corners of level l there touch what stands still
 };

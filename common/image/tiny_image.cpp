@@ -318,12 +318,13 @@ void TinyImage::leave_out(const StillMask& still) {
     }
   }
   float sum = 0;
-  count_ = 0;
+  size_t count = 0;
   for (size_t i = 0; i < weights_.size(); ++i) {
     sum += weights_[i] * values_[i];
-    count_ += weights_[i] > 0 ? 1 : 0;
+    count += weights_[i] > 0 ? 1 : 0;
   }
-  const float mean = sum / static_cast<float>(std::max<size_t>(1, count_));
+  count_ = count;
+  const float mean = sum / static_cast<float>(std::max<size_t>(1, count));
   for (size_t i = 0; i < weights_.size(); ++i) values_[i] = weights_[i] > 0 ? values_[i] : mean;
 }
 

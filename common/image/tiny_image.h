@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "common/base/reset_on_move.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
@@ -41,9 +42,9 @@ class TinyImage {
 
   std::vector<float> values_;
   std::vector<float> weights_;
-  size_t count_ = 0;
-  int width_ = 0;
-  int height_ = 0;
+  ResetOnMove<size_t> count_;
+  ResetOnMove<int> width_;
+  ResetOnMove<int> height_;
 };
 
 /// Mean squared difference; images of other sizes are infinitely far.
