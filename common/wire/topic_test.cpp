@@ -11,11 +11,13 @@
 #include <optional>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 #include <thread>
 
 #include "common/wire/discovered.h"
 #include "common/wire/internal/configuration.h"
 #include "common/wire/internal/convert.h"
+#include "common/wire/internal/endpoint.h"
 #include "common/wire/internal/entity.h"
 #include "common/wire/internal/qos.h"
 #include "common/wire/partition.h"
@@ -417,6 +419,33 @@ TEST_F(WireTest, WaiterWakesForDataForCallsAndForTime) {
   EXPECT_FALSE(waiter.wait(1ms));
   infos.reset();
   EXPECT_FALSE(waiter.wait(1ms)) << "a reader that has gone is no trouble";
+}
+
+/// While a loan is out, the middleware takes new memory for the next, and nobody gives that back.
+TEST_F(WireTest, SamplesGoBackToTheMiddlewareWhenTheirVisitorThrows) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto received = reader<MapInfo>(client, "client.a");
+  auto info = writer<MapInfo>(server, "client.a");
+  ASSERT_TRUE(eventually([&] { return info.matched() == 1; }));
+  auto& entity = const_cast<internal::ReaderEntity&>(received.entity());
+  std::set<const void*> memory;
+  const auto visit = [&memory](const void* sample, const dds_sample_info_t&) {
+    memory.insert(sample);
+    throw std::runtime_error("no memory");
+  };
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(info.write(random_.make<MapInfo>()));
+    ASSERT_TRUE(eventually([&] {
+      try {
+        entity.take(visit);
+      } catch (const std::runtime_error&) {
+        return true;
+      }
+      return false;
+    }));
+  }
+  EXPECT_EQ(memory.size(), 1U);
 }
 
 TEST_F(WireTest, TrafficCountsMessagesOnBothSides) {

@@ -31,6 +31,28 @@ EndpointPtr matched_publication(dds_entity_t reader, dds_instance_handle_t publi
   return {dds_get_matched_publication_data(reader, publication), &dds_builtintopic_free_endpoint};
 }
 
+/// What a reader has, taken from it in the middleware's own memory, which goes back to it when this goes:
+/// also where who looks at the samples throws.
+class Loan {
+ public:
+  explicit Loan(dds_entity_t reader)
+      : reader_(reader), count_(dds_take(reader, samples_.data(), infos_.data(), kBatch, kBatch)) {}
+  Loan(const Loan&) = delete;
+  Loan& operator=(const Loan&) = delete;
+  ~Loan() {
+    if (count_ > 0) dds_return_loan(reader_, samples_.data(), count_);
+  }
+  [[nodiscard]] size_t count() const { return count_ > 0 ? static_cast<size_t>(count_) : 0; }
+  [[nodiscard]] const void* sample(size_t i) const { return samples_.at(i); }
+  [[nodiscard]] const dds_sample_info_t& info(size_t i) const { return infos_.at(i); }
+
+ private:
+  dds_entity_t reader_;
+  std::array<void*, kBatch> samples_{};
+  std::array<dds_sample_info_t, kBatch> infos_;
+  dds_return_t count_;  ///< below 0: an error
+};
+
 }  // namespace
 
 Result<std::unique_ptr<WriterEntity>> WriterEntity::create(std::shared_ptr<Context> context,
@@ -112,13 +134,10 @@ Status ReaderEntity::adopt(dds_entity_t reader, const std::string& what) {
 
 void ReaderEntity::take(const std::function<void(const void*, const dds_sample_info_t&)>& visit) {
   for (int taken = 0; taken < kMaxTake;) {
-    std::array<void*, kBatch> samples{};
-    std::array<dds_sample_info_t, kBatch> infos;
-    const dds_return_t count = dds_take(reader_.handle(), samples.data(), infos.data(), kBatch, kBatch);
-    if (count <= 0) return;
-    for (size_t i = 0; i < static_cast<size_t>(count); ++i) visit(samples[i], infos[i]);
-    dds_return_loan(reader_.handle(), samples.data(), count);
-    taken += count;
+    const Loan loan(reader_.handle());
+    if (loan.count() == 0) return;
+    for (size_t i = 0; i < loan.count(); ++i) visit(loan.sample(i), loan.info(i));
+    taken += static_cast<int>(loan.count());
   }
 }
 

@@ -18,8 +18,8 @@ class WriterEntity {
                                                                     const TopicDescription& topic,
                                                                     std::string_view partition);
   /// `payload_bytes` for the statistics.
-  Status write(const void* sample, size_t payload_bytes);
-  Status dispose(const void* sample);
+  [[nodiscard]] Status write(const void* sample, size_t payload_bytes);
+  [[nodiscard]] Status dispose(const void* sample);
   [[nodiscard]] int matched() const;
 
  private:
@@ -40,7 +40,8 @@ class ReaderEntity {
   [[nodiscard]] static Result<std::unique_ptr<ReaderEntity>> create_built_in(std::shared_ptr<Context> context,
                                                                              dds_entity_t topic);
 
-  /// Shows every sample to `visit` and removes it; at most kMaxTake.
+  /// Shows every sample to `visit` and removes it; at most kMaxTake. Where `visit` throws, some more that
+  /// were taken with the sample are lost.
   void take(const std::function<void(const void* sample, const dds_sample_info_t& info)>& visit);
   [[nodiscard]] int matched() const;
   [[nodiscard]] int alive_writers() const;
@@ -58,7 +59,7 @@ class ReaderEntity {
  private:
   ReaderEntity(std::shared_ptr<Context> context, const char* topic)
       : context_(std::move(context)), topic_(topic) {}
-  Status adopt(dds_entity_t reader, const std::string& what);
+  [[nodiscard]] Status adopt(dds_entity_t reader, const std::string& what);
   std::shared_ptr<Context> context_;
   const char* topic_;
   Entity subscriber_;
