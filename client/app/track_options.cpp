@@ -22,7 +22,6 @@ namespace cairn {
 namespace {
 
 constexpr int kUsageExit = 2;
-constexpr size_t kMaxName = 32;
 constexpr std::string_view kAuto = "auto";
 constexpr std::string_view kAutoFrom = "auto:";
 constexpr std::string_view kExactly = "exact:";
@@ -288,7 +287,7 @@ std::string default_client_name(std::string_view host_name, int process_id) {
   for (const unsigned char c : host_name.substr(0, host_name.find('.'))) {
     name += std::isalnum(c) != 0 && c < 0x80 ? static_cast<char>(std::tolower(c)) : '-';
   }
-  return (name.empty() ? "camera" : name.substr(0, kMaxName - suffix.size())) + suffix;
+  return (name.empty() ? "camera" : name.substr(0, kMaxNameLength - suffix.size())) + suffix;
 }
 
 std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,

@@ -18,13 +18,26 @@ struct ModelTraits {
   size_t max_values;
   std::string_view order;
   CameraPtr (*make)(const CameraParameters&);
+  /// What is wrong with values whose number, finiteness and focal lengths are right; empty: nothing.
+  std::string (*fault)(const std::vector<double>& values);
 };
+
+std::string no_fault(const std::vector<double>&) {
+  return {};
+}
+
+std::string fault_of_fov(const std::vector<double>& values) {
+  const double w = values[4];
+  if (w >= 0 && w < std::numbers::pi) return {};
+  return "fov's w = " + std::to_string(w) + " is not an angle from 0 to below pi [rad]";
+}
 
 constexpr std::array kModels = {
     ModelTraits{CameraModel::kPinholeRadtan, "pinhole-radtan", 4, 9, "fx fy cx cy [k1 k2 p1 p2 k3]",
-                make_pinhole_radtan},
-    ModelTraits{CameraModel::kKannalaBrandt, "kb4", 4, 8, "fx fy cx cy [k1 k2 k3 k4]", make_kannala_brandt},
-    ModelTraits{CameraModel::kFov, "fov", 5, 5, "fx fy cx cy w", make_fov},
+                make_pinhole_radtan, no_fault},
+    ModelTraits{CameraModel::kKannalaBrandt, "kb4", 4, 8, "fx fy cx cy [k1 k2 k3 k4]", make_kannala_brandt,
+                no_fault},
+    ModelTraits{CameraModel::kFov, "fov", 5, 5, "fx fy cx cy w", make_fov, fault_of_fov},
 };
 
 const ModelTraits* find(CameraModel model) {
@@ -47,6 +60,17 @@ std::string known_models() {
 }
 
 }  // namespace
+
+bool is_camera_model(int number) {
+  return std::any_of(kModels.begin(), kModels.end(),
+                     [&](const auto& m) { return static_cast<int>(m.model) == number; });
+}
+
+std::vector<CameraModel> camera_models() {
+  std::vector<CameraModel> models;
+  for (const auto& m : kModels) models.push_back(m.model);
+  return models;
+}
 
 std::string_view name_of(CameraModel model) {
   const auto* traits = find(model);
@@ -74,9 +98,7 @@ Result<CameraPtr> make_camera(const CameraParameters& parameters) {
   if (v[0] <= 0 || v[1] <= 0) {
     return wrong("focal length " + std::to_string(std::min(v[0], v[1])) + " is not positive");
   }
-  if (parameters.model == CameraModel::kFov && !(v[4] >= 0 && v[4] < std::numbers::pi)) {
-    return wrong("fov's w = " + std::to_string(v[4]) + " is not an angle from 0 to below pi [rad]");
-  }
+  if (const std::string fault = traits->fault(v); !fault.empty()) return wrong(fault);
   return traits->make(parameters);
 }
 

@@ -12,13 +12,18 @@
 
 namespace cairn {
 
-/// Names on the wire and in files; grow only at the end.
+/// Numbers on the wire and in files; grow only at the end. A model is added here, in camera_models.h and in
+/// the registry of camera.cpp.
 enum class CameraModel : uint8_t {
   kPinholeRadtan = 0,  ///< [fx fy cx cy k1 k2 p1 p2 k3], OpenCV's plumb bob; k3 may be 0
   kKannalaBrandt = 1,  ///< [fx fy cx cy k1 k2 k3 k4], OpenCV's fisheye, Kalibr's equidistant
   kFov = 2,            ///< [fx fy cx cy w], Devernay and Faugeras, PTAM's; w = 0 is a pinhole
 };
 
+/// Whether a number from the wire or a file is that of a model.
+[[nodiscard]] bool is_camera_model(int number);
+/// All there are: what camera.cpp registers.
+[[nodiscard]] std::vector<CameraModel> camera_models();
 /// pinhole-radtan, kb4 or fov.
 [[nodiscard]] std::string_view name_of(CameraModel model);
 

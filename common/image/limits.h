@@ -7,4 +7,7 @@ namespace cairn {
 /// machine's memory.
 inline constexpr int kMaxImageSide = 4096;
 
+/// [px] Of a coordinate, positive or negative: measurements may lie outside the image.
+inline constexpr float kMaxPixel = 4 * kMaxImageSide;
+
 }  // namespace cairn

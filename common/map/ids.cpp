@@ -12,7 +12,6 @@ namespace {
 /// Name space of client names: a random UUID, fixed for ever (changing it renames every client).
 constexpr std::array<uint8_t, 16> kClientNamespace = {0x6f, 0x0d, 0x1c, 0x5e, 0x9a, 0x34, 0x4b, 0x27,
                                                       0x8d, 0x61, 0xc2, 0x7b, 0x45, 0xe8, 0x90, 0x1f};
-constexpr size_t kMaxNameLength = 32;
 constexpr std::string_view kHexDigits = "0123456789abcdef";
 
 std::optional<uint8_t> hex_value(char digit) {

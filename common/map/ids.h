@@ -46,6 +46,7 @@ using ServerId = GlobalId<struct ServerTag>;
 /// Inverse of to_hex; an error that quotes the text otherwise.
 [[nodiscard]] Result<std::array<uint8_t, 16>> from_hex(std::string_view text);
 
+inline constexpr size_t kMaxNameLength = 32;  ///< of is_valid_name()
 /// Whether `name` may name a client, rig or operator: [a-z0-9-]{1,32}.
 [[nodiscard]] bool is_valid_name(std::string_view name);
 /// UUIDv5 (RFC 4122, SHA-1) of a client name, in Cairn's own name space: equal names, equal ids, on every

@@ -13,12 +13,14 @@
 
 namespace cairn {
 
-inline constexpr size_t kMaxLabelBytes = 256;  ///< of its text
-inline constexpr size_t kMaxLabels = 1000;     ///< of a map
+inline constexpr size_t kMaxLabelBytes = 256;              ///< of its text
+inline constexpr size_t kMaxAuthorBytes = kMaxNameLength;  ///< of who made it
+inline constexpr size_t kMaxLabels = 1000;                 ///< of a map
 
 enum class LabelKind : uint8_t {
   kText = 0,
   kModel = 1,  ///< the text is where a glTF model lies (a URI); it is drawn by who can
+  kLast = kModel,
 };
 
 /// What somebody has said of a place in a map.

@@ -2,23 +2,45 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
-/// What a map maker and the wire must agree on.
+/// What the map maker, the wire and the store must agree on.
 namespace cairn {
 
-/// Point blocks in a map: 131 072 points ever made, removed ones included.
+/// Points or keyframes per block; a patch block stays below 64 kB on the wire.
+inline constexpr int kBlockSlots = 64;
+
+/// Point blocks in a map, and points ever made in it, removed ones included: 131 072.
 inline constexpr size_t kMaxBlocks = 2048;
-/// Keyframe blocks in a map: 32 768 keyframes ever made, removed ones included. Fewer than point blocks, so
-/// that the commit of the largest map stays below 64 kB.
+inline constexpr size_t kMaxPoints = kMaxBlocks * kBlockSlots;
+/// Keyframe blocks in a map, and keyframes ever made in it, removed ones included: 32 768. Fewer than points,
+/// so that the commit of the largest map stays below 64 kB.
 inline constexpr size_t kMaxKeyframeBlocks = 512;
+inline constexpr size_t kMaxKeyframes = kMaxKeyframeBlocks * kBlockSlots;
+
+/// [bytes] Of a map's name.
+inline constexpr size_t kMaxNameBytes = 128;
 
 /// Of a two-view start: the answer names a point for each, and stays below 64 kB.
 inline constexpr size_t kMaxTrails = 4000;
+
+/// Points of a map found in a frame.
+inline constexpr size_t kMaxMeasurements = 8192;
 
 /// Corners without a point of the map that come with an offered keyframe.
 inline constexpr size_t kMaxCandidates = 256;
 
 /// Cameras that are self-calibrated in a map and named by its revisions; more are not told.
 inline constexpr size_t kMaxCalibratedCameras = 64;
+
+/// [map unit] Of coordinates and distances.
+inline constexpr double kMaxLength = 1e6;
+
+/// [ns] Before and after the epoch, of any camera's clock: differences of two never overflow. 146 years.
+inline constexpr int64_t kMaxTime = int64_t{1} << 62;
+
+/// By how much the norm of a quaternion or direction may differ from 1: as double, and as float.
+inline constexpr double kUnitTolerance = 1e-6;
+inline constexpr float kUnitToleranceFloat = 1e-3F;
 
 }  // namespace cairn

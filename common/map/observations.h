@@ -22,6 +22,7 @@ enum class TrackingState : uint8_t {
   kPoor = 2,  ///< tracked, but few of the points in sight are found
   kLost = 3,
   kRotation = 4,  ///< the camera has turned away from what its map shows; where it was then is its position
+  kLast = kRotation,
 };
 
 /// A map point found in a frame.

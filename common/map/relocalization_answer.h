@@ -16,6 +16,7 @@ enum class RelocalizationVerdict : uint8_t {
   kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
   kNotKnown = 2,     ///< no place of any map looks like it
   kNotThere = 3,     ///< none of the maps that count for now, or no answer could be found: it is left open
+  kLast = kNotThere,
 };
 /// Whether one of the candidates is worth trying.
 [[nodiscard]] constexpr bool has_place(RelocalizationVerdict verdict) {

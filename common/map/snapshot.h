@@ -12,15 +12,13 @@
 #include "common/geometry/se3.h"
 #include "common/image/patch.h"
 #include "common/map/ids.h"
+#include "common/map/limits.h"
 
 /// The map as trackers see it: immutable blocks of 64 points or keyframes, shared between revisions (only
 /// blocks that changed are new) and between threads without locks. The same types on the server (which cuts
 /// its map into blocks) and in a client's replica (which receives them), so that engines and tests run on
 /// either without a network.
 namespace cairn {
-
-constexpr int kBlockSlots =
-    64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
 
 /// Where a point's patch was cut, and what it shows. Of this only the rays and the normal ever change: where
 /// the source camera was found to be another than was believed.

@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <set>
 
 #include "common/image/still_mask.h"
 #include "common/wire/internal/configuration.h"
@@ -23,7 +24,7 @@ using testing::RandomMessages;
 
 constexpr unsigned kSeed = 5;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr Timestamp kNoTime{int64_t{1} << 62};
+constexpr Timestamp kNoTime{kMaxTime};
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
@@ -59,6 +60,31 @@ TYPED_TEST(RoundTrip, RefusesAnUnknownSchema) {
   EXPECT_TRUE(decode<TypeParam>(sample).has_value()) << "a newer writer only appends";
 }
 
+/// The least number that is no enumerator.
+template <BoundedEnum Enum>
+constexpr Enum beyond() {
+  return static_cast<Enum>(kEnumerators<Enum>);
+}
+
+/// A round trip says nothing of an enumerator that is never drawn.
+TEST(RandomMessages, HaveEveryEnumerator) {
+  RandomMessages random(kSeed);
+  std::set<OfferDecision> decisions;
+  std::set<RequestDecision> requests;
+  std::set<RigMode> modes;
+  std::set<CameraModel> models;
+  for (int i = 0; i < 500; ++i) {
+    for (const OfferOutcome& outcome : random.make<OfferVerdict>().recent) decisions.insert(outcome.decision);
+    for (const RequestOutcome& outcome : random.make<ClientReply>().recent) requests.insert(outcome.decision);
+    modes.insert(random.make<RigCommand>().mode);
+    models.insert(random.make<CameraMessage>().parameters.model);
+  }
+  EXPECT_EQ(decisions.size(), kEnumerators<OfferDecision>);
+  EXPECT_EQ(requests.size(), kEnumerators<RequestDecision>);
+  EXPECT_EQ(modes.size(), kEnumerators<RigMode>);
+  EXPECT_EQ(models.size(), camera_models().size());
+}
+
 /// Spoils a valid message in one way at a time.
 template <typename Message>
 class Spoiler {
@@ -88,7 +114,7 @@ void refuse_bad_images(
     const std::function<void(const char*, const std::function<void(ImageMessage&)>&)>& refuses) {
   refuses("no width", [](ImageMessage& m) { m.width = 0; });
   refuses("too wide", [](ImageMessage& m) {
-    m.width = 4097;
+    m.width = kMaxImageSide + 1;
     m.encoding = ImageEncoding::kJpeg;
   });
   refuses("width times height beyond 32 bits", [](ImageMessage& m) { m.width = m.height = 65536; });
@@ -104,7 +130,7 @@ void refuse_bad_images(
     m.encoding = ImageEncoding::kJpeg;
     m.bytes.clear();
   });
-  refuses("unknown encoding", [](ImageMessage& m) { m.encoding = static_cast<ImageEncoding>(2); });
+  refuses("unknown encoding", [](ImageMessage& m) { m.encoding = beyond<ImageEncoding>(); });
 }
 
 template <typename Message>
@@ -163,7 +189,7 @@ TEST(Validation, MapSeed) {
   seed.refuses("too many trails", [](auto& m) { m.trails.resize(kMaxTrails + 1, m.trails[0]); });
   seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
   seed.refuses("name that is no UTF-8", [](auto& m) { m.map_name = std::string("K\xfc"); });
-  seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
+  seed.refuses("name too long", [](auto& m) { m.map_name.assign(kMaxNameBytes + 1, 'x'); });
   seed.refuses("time of no clock", [](auto& m) { m.second_time = kNoTime; });
   seed.refuses("mask of another image", [](auto& m) { m.still_mask.assign(20000, 0); });
 }
@@ -181,7 +207,8 @@ TEST(Validation, KeyframeOffer) {
   });
   offer.refuses("unknown level", [](auto& m) { m.measurements[0].level = 4; });
   offer.refuses("infinite pixel", [](auto& m) { m.measurements[0].pixel.x() = kInfinity; });
-  offer.refuses("too many measurements", [](auto& m) { m.measurements.resize(8193, m.measurements[0]); });
+  offer.refuses("too many measurements",
+                [](auto& m) { m.measurements.resize(kMaxMeasurements + 1, m.measurements[0]); });
   offer.refuses("too many candidates",
                 [](auto& m) { m.candidates.resize(kMaxCandidates + 1, m.candidates[0]); });
   offer.refuses("unknown level of a candidate", [](auto& m) { m.candidates[0].level = kPyramidLevels; });
@@ -212,7 +239,7 @@ TEST(Validation, Quaternions) {
 
 TEST(Validation, TrackerState) {
   const Spoiler<TrackerStateMessage> state;
-  state.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
+  state.refuses("unknown state", [](auto& m) { m.state = beyond<TrackingState>(); });
   state.refuses("no session", [](auto& m) { m.session = {}; });
   state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
   state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });
@@ -228,10 +255,10 @@ TEST(Validation, ServerStatusAndMapInfo) {
   status.refuses("NaN load", [](auto& m) { m.load = kNan; });
   status.refuses("control character", [](auto& m) { m.health = std::string("a\nb"); });
   const Spoiler<MapInfo> info;
-  info.refuses("unknown right", [](auto& m) { m.right = static_cast<MapRight>(3); });
+  info.refuses("unknown right", [](auto& m) { m.right = beyond<MapRight>(); });
   info.refuses("bounds upside down", [](auto& m) { std::swap(m.bounds_min, m.bounds_max); });
   info.refuses("NaN bounds", [](auto& m) { m.bounds_max.z() = kNan; });
-  info.refuses("name too long", [](auto& m) { m.name.assign(129, 'x'); });
+  info.refuses("name too long", [](auto& m) { m.name.assign(kMaxNameBytes + 1, 'x'); });
 }
 
 TEST(Validation, RigCommand) {
@@ -242,19 +269,19 @@ TEST(Validation, RigCommand) {
   command.refuses("commander of another form", [](auto& m) { m.commander = "Anna B."; });
   command.refuses("no session", [](auto& m) { m.order.session = {}; });
   command.refuses("no number", [](auto& m) { m.order.seq = 0; });
-  command.refuses("unknown mode", [](auto& m) { m.mode = static_cast<RigMode>(12); });
+  command.refuses("unknown mode", [](auto& m) { m.mode = beyond<RigMode>(); });
   command.refuses("NaN target", [](auto& m) { m.target.y() = kNan; });
   command.refuses("far target", [](auto& m) { m.target.x() = 1e7; });
   command.refuses("NaN angle", [](auto& m) { m.angles[0] = kNan; });
   command.refuses("many turns", [](auto& m) { m.angles[1] = 1e3; });
   command.refuses("infinite rate", [](auto& m) { m.rates[1] = -kInfinity; });
-  command.refuses("unknown pattern", [](auto& m) { m.pattern = static_cast<RigSearchPattern>(2); });
+  command.refuses("unknown pattern", [](auto& m) { m.pattern = beyond<RigSearchPattern>(); });
   command.refuses("too many directions", [](auto& m) { m.further.assign(8, Eigen::Vector3d::UnitX()); });
   command.refuses("NaN direction", [](auto& m) { m.further.assign(2, {1, kNan, 0}); });
 }
 
 TEST(RigMode, EveryOneHasAWord) {
-  for (uint8_t mode = 0; mode <= static_cast<uint8_t>(kLastRigMode); ++mode)
+  for (uint8_t mode = 0; mode <= static_cast<uint8_t>(RigMode::kLast); ++mode)
     EXPECT_EQ(parse_rig_mode(name_of(static_cast<RigMode>(mode))), static_cast<RigMode>(mode));
   EXPECT_EQ(parse_rig_mode("unknown"), std::nullopt);
 }
@@ -262,8 +289,8 @@ TEST(RigMode, EveryOneHasAWord) {
 TEST(Validation, RigState) {
   const Spoiler<RigState> state;
   state.refuses("no rig", [](auto& m) { m.rig.clear(); });
-  state.refuses("unknown mode", [](auto& m) { m.mode = static_cast<RigMode>(12); });
-  state.refuses("unknown condition", [](auto& m) { m.axes[1].condition = static_cast<RigAxisCondition>(8); });
+  state.refuses("unknown mode", [](auto& m) { m.mode = beyond<RigMode>(); });
+  state.refuses("unknown condition", [](auto& m) { m.axes[1].condition = beyond<RigAxisCondition>(); });
   state.refuses("unknown fault", [](auto& m) { m.axes[0].fault = 64; });
   state.refuses("NaN position", [](auto& m) { m.axes[0].position = kNan; });
   state.refuses("infinite rate", [](auto& m) { m.axes[1].rate = kInfinity; });
@@ -274,7 +301,7 @@ TEST(Validation, RigState) {
   state.refuses("offset of no clock", [](auto& m) { m.camera_clock.offset = kNoTime.nanoseconds; });
   state.refuses("NaN deviation", [](auto& m) { m.camera_clock.sigma = static_cast<float>(kNan); });
   state.refuses("order of every commander", [](auto& m) { m.ordered_by = "*"; });
-  state.refuses("order of no mode", [](auto& m) { m.ordered = static_cast<RigMode>(12); });
+  state.refuses("order of no mode", [](auto& m) { m.ordered = beyond<RigMode>(); });
   state.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
   state.refuses("samples of no clock", [](auto& m) { m.imu.time = kNoTime; });
   state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
@@ -296,7 +323,7 @@ TEST(Validation, RigState) {
 
 TEST(Validation, PointPatches) {
   const Spoiler<PointPatches> patches([](const auto& m) { return m.block.points.size() > 2; });
-  patches.refuses("block index", [](auto& m) { m.block.index = 2048; });
+  patches.refuses("block index", [](auto& m) { m.block.index = kMaxBlocks; });
   patches.refuses("too many points", [](auto& m) {
     while (m.block.points.size() < 65) {
       m.block.points.push_back(m.block.points.back());
@@ -334,7 +361,7 @@ TEST(Validation, PointPositions) {
 TEST(Validation, KeyframePoses) {
   const Spoiler<KeyframePoses> poses(
       [](const auto& m) { return m.block.keyframes.size() > 2 && m.block.keyframes.size() < 64; });
-  poses.refuses("block index", [](auto& m) { m.block.index = 2048; });
+  poses.refuses("block index", [](auto& m) { m.block.index = kMaxKeyframeBlocks; });
   poses.refuses("ids out of order",
                 [](auto& m) { std::swap(m.block.keyframes[0].id, m.block.keyframes[1].id); });
   poses.refuses("infinite", [](auto& m) {
@@ -349,25 +376,26 @@ TEST(Validation, MapCommit) {
   commit.refuses("block left out", [](auto& m) { m.points.erase(m.points.begin()); });
   commit.refuses("block twice", [](auto& m) { m.points[1].index = 0; });
   commit.refuses("too many blocks", [](auto& m) {
-    while (m.points.size() < 2049) m.points.push_back({static_cast<uint32_t>(m.points.size()), 1, 1});
+    while (m.points.size() <= kMaxBlocks) m.points.push_back({static_cast<uint32_t>(m.points.size()), 1, 1});
   });
-  commit.refuses("too many keyframe blocks", [](auto& m) { m.keyframe_versions.resize(2049); });
+  commit.refuses("too many keyframe blocks",
+                 [](auto& m) { m.keyframe_versions.resize(kMaxKeyframeBlocks + 1); });
 }
 
 TEST(Validation, Verdicts) {
   const Spoiler<SeedVerdict> seed([](const auto& m) { return !m.points.empty(); });
-  seed.refuses("too many points", [](auto& m) { m.points.resize(4001, m.points[0]); });
+  seed.refuses("too many points", [](auto& m) { m.points.resize(kMaxTrails + 1, m.points[0]); });
   seed.refuses("control character", [](auto& m) { m.reason = std::string("\r"); });
   const Spoiler<OfferVerdict> offer([](const auto& m) { return !m.recent.empty(); });
-  offer.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<OfferDecision>(200); });
-  offer.refuses("too many outcomes", [](auto& m) { m.recent.resize(17, m.recent[0]); });
-  offer.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
+  offer.refuses("unknown decision", [](auto& m) { m.recent[0].decision = beyond<OfferDecision>(); });
+  offer.refuses("too many outcomes", [](auto& m) { m.recent.resize(kMaxOutcomes + 1, m.recent[0]); });
+  offer.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(kMaxReasonBytes + 1, 'x'); });
 }
 
 TEST(Validation, RelocQuery) {
   const Spoiler<RelocQuery> query([](const auto& m) { return !m.corners.empty(); });
   refuse_bad_ups(query, &RelocQuery::up);
-  query.refuses("too many corners", [](auto& m) { m.corners.resize(1025, m.corners[0]); });
+  query.refuses("too many corners", [](auto& m) { m.corners.resize(kMaxPlaceCorners + 1, m.corners[0]); });
   query.refuses("unknown level", [](auto& m) { m.corners[0].level = kPyramidLevels; });
   query.refuses("not a number", [](auto& m) { m.corners[0].pixel.x() = kNan; });
   query.refuses("no session", [](auto& m) { m.command.session = {}; });
@@ -380,14 +408,14 @@ TEST(Validation, RelocQuery) {
 
 TEST(Validation, RelocAnswer) {
   const Spoiler<RelocAnswer> answer;
-  answer.refuses("unknown verdict",
-                 [](auto& m) { m.answer.verdict = static_cast<RelocalizationVerdict>(4); });
+  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = beyond<RelocalizationVerdict>(); });
   answer.refuses("a place without a candidate", [](auto& m) {
     m.answer.verdict = RelocalizationVerdict::kConfirmed;
     m.answer.candidates.clear();
   });
-  answer.refuses("too many candidates",
-                 [](auto& m) { m.answer.candidates.resize(17, m.answer.candidates[0]); });
+  answer.refuses("too many candidates", [](auto& m) {
+    m.answer.candidates.resize(kMaxPlaceCandidates + 1, m.answer.candidates[0]);
+  });
   answer.refuses("infinite score", [](auto& m) { m.answer.candidates[0].score = kInfinity; });
   answer.refuses("control character", [](auto& m) { m.answer.candidates[0].reason = std::string("\r"); });
   answer.refuses("a negative count", [](auto& m) { m.answer.candidates[0].inliers = -1; });
@@ -395,8 +423,8 @@ TEST(Validation, RelocAnswer) {
 
 TEST(Validation, ClientRequest) {
   const Spoiler<ClientRequest> request;
-  request.refuses("unknown action", [](auto& m) { m.action = static_cast<RequestAction>(3); });
-  request.refuses("unknown kind", [](auto& m) { m.kind = static_cast<LabelKind>(2); });
+  request.refuses("unknown action", [](auto& m) { m.action = beyond<RequestAction>(); });
+  request.refuses("unknown kind", [](auto& m) { m.kind = beyond<LabelKind>(); });
   request.refuses("no number", [](auto& m) { m.command.seq = 0; });
   request.refuses("text too long", [](auto& m) { m.text.assign(kMaxLabelBytes + 1, 'x'); });
   for (const char* text : {"a\x1b[2J", "K\xfc", "a\u202eb", "a\xc2\x9b", "a\u200bb"})
@@ -408,15 +436,15 @@ TEST(Validation, ClientRequest) {
 
 TEST(Validation, ClientReply) {
   const Spoiler<ClientReply> reply([](const auto& m) { return !m.recent.empty(); });
-  reply.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<RequestDecision>(8); });
-  reply.refuses("too many outcomes", [](auto& m) { m.recent.resize(17, m.recent[0]); });
-  reply.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
+  reply.refuses("unknown decision", [](auto& m) { m.recent[0].decision = beyond<RequestDecision>(); });
+  reply.refuses("too many outcomes", [](auto& m) { m.recent.resize(kMaxOutcomes + 1, m.recent[0]); });
+  reply.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(kMaxReasonBytes + 1, 'x'); });
 }
 
 TEST(Validation, Label) {
   const Spoiler<LabelMessage> label;
   label.refuses("none", [](auto& m) { m.label.id = {}; });
-  label.refuses("unknown kind", [](auto& m) { m.label.kind = static_cast<LabelKind>(2); });
+  label.refuses("unknown kind", [](auto& m) { m.label.kind = beyond<LabelKind>(); });
   label.refuses("text too long", [](auto& m) { m.label.text.assign(kMaxLabelBytes + 1, 'x'); });
   label.refuses("control character", [](auto& m) { m.label.author = std::string("\n"); });
   label.refuses("text that is no UTF-8", [](auto& m) { m.label.text = std::string("K\xfc"); });
@@ -446,7 +474,7 @@ TEST(Sizes, TheLargestLegalMessageIsSentAndTaken) {
   seed.first_image = {ImageEncoding::kJpeg, kSide, kSide, std::vector<uint8_t>(kMostOfAJpeg)};
   seed.second_image = seed.first_image;
   seed.trails.resize(kMaxTrails, Trail{{1}, {0, 0}, {0, 0}});
-  seed.map_name.assign(internal::kMaxNameBytes, 'x');
+  seed.map_name.assign(kMaxNameBytes, 'x');
   seed.still_mask.assign(still_mask_bytes(kSide, kSide), 0);
   Scratch scratch;
   const auto sample = encode(seed, &scratch);
@@ -461,15 +489,15 @@ TEST(Validation, WearersCameras) {
   const Spoiler<WearerCamera> camera;
   camera.refuses("no name", [](auto& m) { m.name.clear(); });
   camera.refuses("no pixels", [](auto& m) { m.height = 0; });
-  camera.refuses("huge", [](auto& m) { m.width = 4097; });
+  camera.refuses("huge", [](auto& m) { m.width = kMaxImageSide + 1; });
   const Spoiler<PictureRequest> request;
   request.refuses("nobody", [](auto& m) { m.name.clear(); });
   request.refuses("of every camera", [](auto& m) { m.camera = "*"; });
   const Spoiler<CameraPicture> camera_image;
   camera_image.refuses("no name", [](auto& m) { m.name = "Anna B."; });
   camera_image.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
-  camera_image.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
-  camera_image.refuses("name too long", [](auto& m) { m.map.assign(129, 'x'); });
+  camera_image.refuses("unknown state", [](auto& m) { m.state = beyond<TrackingState>(); });
+  camera_image.refuses("name too long", [](auto& m) { m.map.assign(kMaxNameBytes + 1, 'x'); });
   camera_image.refuses("control character", [](auto& m) { m.note = "a\nb"; });
   camera_image.refuses("no JPEG", [](auto& m) {
     m.image = {ImageEncoding::kRaw, 2, 2, std::vector<uint8_t>(4)};
@@ -484,8 +512,8 @@ TEST(Validation, WearersCameras) {
 
 TEST(Sizes, AnImageIsOneDatagramOfTheLoopbackProfile) {
   CameraPicture message;
-  message.name.assign(32, 'x');
-  message.map.assign(internal::kMaxNameBytes, 'x');
+  message.name.assign(kMaxNameLength, 'x');
+  message.map.assign(kMaxNameBytes, 'x');
   message.note.assign(kMaxCameraPictureNote, 'x');
   message.image = {ImageEncoding::kJpeg, kMaxCameraPictureSide, kMaxCameraPictureSide,
                    std::vector<uint8_t>(kMaxCameraPictureBytes)};
@@ -498,7 +526,7 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   Scratch scratch;
   EXPECT_LT(internal::payload_bytes<PointPatches>(encode(patches, &scratch)), 64'000U);
   MapCommit commit;
-  commit.name.assign(internal::kMaxNameBytes, 'x');
+  commit.name.assign(kMaxNameBytes, 'x');
   commit.points.resize(kMaxBlocks);
   commit.keyframe_versions.resize(kMaxKeyframeBlocks);
   commit.cameras.resize(kMaxCalibratedCameras);
@@ -515,9 +543,9 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   EXPECT_LT(internal::payload_bytes<RelocQuery>(encode(query, &scratch)), 64'000U);
   EXPECT_LT(internal::payload_bytes<TrackerStateMessage>(encode(TrackerStateMessage{}, &scratch)), 1300U);
   RigState rig;
-  rig.rig.assign(32, 'x');
-  rig.commander.assign(32, 'x');
-  rig.ordered_by.assign(32, 'x');
+  rig.rig.assign(kMaxNameLength, 'x');
+  rig.commander.assign(kMaxNameLength, 'x');
+  rig.ordered_by.assign(kMaxNameLength, 'x');
   rig.refusal.assign(kMaxRigText, 'x');
   rig.trouble.assign(kMaxRigTexts - kMaxRigText, 'x');
   rig.samples.resize(kMaxRigSamples);

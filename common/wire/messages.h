@@ -18,6 +18,7 @@
 #include "common/map/observations.h"
 #include "common/map/relocalization_answer.h"
 #include "common/map/snapshot.h"
+#include "common/wire/limits.h"
 
 /// What travels, as value types: one struct per topic of idl/README.md. Conversion to and from the generated
 /// DDS structs, and validation of everything a peer sends (finite numbers, sizes, enums, unit quaternions),
@@ -43,7 +44,7 @@ struct CameraMessage {
   bool frozen = true;
 };
 
-enum class ImageEncoding : uint8_t { kRaw = 0, kJpeg = 1 };
+enum class ImageEncoding : uint8_t { kRaw = 0, kJpeg = 1, kLast = kJpeg };
 
 /// A grey keyframe image; encoded where the link is slow.
 struct ImageMessage {
@@ -87,8 +88,8 @@ struct KeyframeOffer {
   bool lockstep = false;
   Timestamp time;
   ImageMessage image;
-  std::vector<PointMeasurement> measurements;
-  std::vector<PointCandidate> candidates;  ///< at most kMaxCandidates
+  std::vector<PointMeasurement> measurements;  ///< at most kMaxMeasurements
+  std::vector<PointCandidate> candidates;      ///< at most kMaxCandidates
   /// 0: `reference` is a keyframe of the map. Else the number of an earlier offer of this session, and the
   /// keyframe that came of it is meant.
   uint64_t reference_command = 0;
@@ -106,15 +107,16 @@ struct RelocQuery {
   uint32_t camera_version = 1;
   bool lockstep = false;
   Timestamp time;
-  ImageMessage small_image;  ///< raw; pyramid level 3 of the frame
-  std::vector<PlaceCorner> corners;
-  std::optional<UpDirection> up;  ///< as KeyframeOffer's
+  ImageMessage small_image;          ///< raw; pyramid level 3 of the frame
+  std::vector<PlaceCorner> corners;  ///< at most kMaxPlaceCorners
+  std::optional<UpDirection> up;     ///< as KeyframeOffer's
 };
 
 enum class RequestAction : uint8_t {
   kAddLabel = 0,
   kRenameLabel = 1,  ///< another text
   kRemoveLabel = 2,
+  kLast = kRemoveLabel,
 };
 
 /// Topic ClientRequest: command. What a person in front of a viewer asks for.
@@ -159,7 +161,7 @@ struct ServerStatus {
   float load = 0;  ///< busy share of the worker pool, 0..1
 };
 
-enum class MapRight : uint8_t { kNone = 0, kRead = 1, kWrite = 2 };
+enum class MapRight : uint8_t { kNone = 0, kRead = 1, kWrite = 2, kLast = kWrite };
 
 /// Topic MapInfo: state, keyed by map; disposed when the map goes.
 struct MapInfo {
@@ -256,6 +258,7 @@ enum class OfferDecision : uint8_t {
   kBusy = 7,        ///< more offers in flight than the credit allows
   kFull = 8,        ///< the map has all the points it may have, or the server all the memory
   kKeptAside = 9,   ///< no keyframe, but kept as a proposal, of which the operator decides
+  kLast = kKeptAside,
 };
 
 struct OfferOutcome {
@@ -274,7 +277,7 @@ struct OfferVerdict {
   SessionId session;
   uint64_t last_decided = 0;         ///< every seq up to here has been decided
   uint32_t credit = 0;               ///< offers that may be in flight beyond last_decided
-  std::vector<OfferOutcome> recent;  ///< the last up to 16
+  std::vector<OfferOutcome> recent;  ///< the last, at most kMaxOutcomes
 };
 
 enum class RequestDecision : uint8_t {
@@ -286,6 +289,7 @@ enum class RequestDecision : uint8_t {
   kStale = 5,  ///< what the place was relative to is gone: to be pointed at again
   kFull = 6,   ///< the map has all the labels it may have, or nothing can be kept
   kBusy = 7,   ///< more requests in flight than the credit allows
+  kLast = kBusy,
 };
 
 struct RequestOutcome {
@@ -302,7 +306,7 @@ struct ClientReply {
   SessionId session;
   uint64_t last_decided = 0;           ///< every seq up to here has been decided
   uint32_t credit = 0;                 ///< requests that may be in flight beyond last_decided
-  std::vector<RequestOutcome> recent;  ///< the last up to 16
+  std::vector<RequestOutcome> recent;  ///< the last, at most kMaxOutcomes
 };
 
 /// Topic Label: state, keyed by (map, label), in the partition of one client and map; disposed when the label
@@ -317,7 +321,7 @@ struct LabelMessage {
 struct RelocAnswer {
   ClientId client;
   CommandId command;            ///< of the query answered
-  RelocalizationAnswer answer;  ///< up to 16 candidates
+  RelocalizationAnswer answer;  ///< at most kMaxPlaceCandidates
 };
 
 // ---- operator <-> server

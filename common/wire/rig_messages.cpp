@@ -3,10 +3,12 @@
 
 #include <algorithm>
 
+#include "common/base/enumerators.h"
+
 namespace cairn::wire {
 namespace {
 
-constexpr std::array<std::string_view, static_cast<size_t>(kLastRigMode) + 1> kNames = {
+constexpr std::array<std::string_view, kEnumerators<RigMode>> kNames = {
     "idle",    "home",   "neutral", "follow", "lock", "fixate",
     "saccade", "search", "jog",     "clear",  "stop", "clear-stop"};
 

@@ -20,20 +20,20 @@ namespace cairn::wire {
 
 /// What a rig is told to do, and what it does.
 enum class RigMode : uint8_t {
-  kIdle = 0,       ///< the drives let go
-  kHome = 1,       ///< finds out where the axes stand
-  kNeutral = 2,    ///< ahead
-  kFollow = 3,     ///< ahead, slowly with the wearer
-  kLock = 4,       ///< a direction of the world
-  kFixate = 5,     ///< a point of the map
-  kSaccade = 6,    ///< to other angles, as fast as may be
-  kSearch = 7,     ///< looks around
-  kJog = 8,        ///< by hand
-  kClear = 9,      ///< faults are forgotten; of a command only
-  kStop = 10,      ///< emergency stop, by anybody, until it is cleared
-  kClearStop = 11  ///< of a command only
+  kIdle = 0,        ///< the drives let go
+  kHome = 1,        ///< finds out where the axes stand
+  kNeutral = 2,     ///< ahead
+  kFollow = 3,      ///< ahead, slowly with the wearer
+  kLock = 4,        ///< a direction of the world
+  kFixate = 5,      ///< a point of the map
+  kSaccade = 6,     ///< to other angles, as fast as may be
+  kSearch = 7,      ///< looks around
+  kJog = 8,         ///< by hand
+  kClear = 9,       ///< faults are forgotten; of a command only
+  kStop = 10,       ///< emergency stop, by anybody, until it is cleared
+  kClearStop = 11,  ///< of a command only
+  kLast = kClearStop,
 };
-inline constexpr RigMode kLastRigMode = RigMode::kClearStop;
 /// As people say it: "clear-stop".
 [[nodiscard]] std::string_view name_of(RigMode mode);
 [[nodiscard]] std::optional<RigMode> parse_rig_mode(std::string_view name);
@@ -42,8 +42,8 @@ inline constexpr RigMode kLastRigMode = RigMode::kClearStop;
 enum class RigSearchPattern : uint8_t {
   kSpiral = 0,  ///< around where it began
   kRaster = 1,  ///< in rows
+  kLast = kRaster,
 };
-inline constexpr RigSearchPattern kLastRigSearchPattern = RigSearchPattern::kRaster;
 /// "spiral", "raster".
 [[nodiscard]] std::optional<RigSearchPattern> parse_rig_search(std::string_view name);
 inline constexpr size_t kMaxFurtherDirections = 7;
@@ -78,6 +78,7 @@ enum class RigAxisCondition : uint8_t {
   kClearing = 5,
   kFaulted = 6,
   kStopped = 7,
+  kLast = kStopped,
 };
 
 struct RigAxisState {

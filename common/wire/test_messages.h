@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/enumerators.h"
+#include "common/image/limits.h"
 #include "common/wire/messages.h"
 #include "common/wire/rig_messages.h"
 #include "common/wire/wearer_messages.h"
@@ -119,6 +121,14 @@ class RandomMessages {
   }
   float uniform(float low, float high) { return std::uniform_real_distribution<float>(low, high)(random_); }
   bool coin() { return number(0, 1) == 1; }
+  template <BoundedEnum Enum>
+  Enum any() {
+    return static_cast<Enum>(number(0, kEnumerators<Enum> - 1));
+  }
+  CameraModel camera_model() {
+    const auto models = camera_models();
+    return models[number(0, models.size() - 1)];
+  }
 
   template <typename Id>
   Id id() {
@@ -180,9 +190,9 @@ inline CameraMessage RandomMessages::make() {
   CameraMessage made{
       id<ClientId>(), static_cast<uint32_t>(number(0, 9)), static_cast<uint32_t>(number(1, 9)), {}, {},
       coin()};
-  made.parameters.model = static_cast<CameraModel>(number(0, static_cast<uint64_t>(CameraModel::kFov)));
-  made.parameters.width = static_cast<int>(number(1, 4096));
-  made.parameters.height = static_cast<int>(number(1, 4096));
+  made.parameters.model = camera_model();
+  made.parameters.width = static_cast<int>(number(1, kMaxImageSide));
+  made.parameters.height = static_cast<int>(number(1, kMaxImageSide));
   for (int i = 0; i < 9; ++i) made.parameters.values.push_back(uniform(-500, 500));
   if (coin()) made.sigma.assign(9, uniform(0, 1));
   return made;
@@ -245,7 +255,7 @@ template <>
 inline TrackerStateMessage RandomMessages::make() {
   return {id<ClientId>(),
           {number()},
-          static_cast<TrackingState>(number(0, 4)),
+          any<TrackingState>(),
           id<MapId>(),
           {number()},
           {number()},
@@ -271,21 +281,23 @@ inline MapInfo RandomMessages::make() {
           vector(5) + Eigen::Vector3f::Constant(20),
           coin(),
           coin(),
-          static_cast<MapRight>(number(0, 2)),
+          any<MapRight>(),
           id<ServerId>(),
           coin()};
 }
 template <>
 inline PointPatches RandomMessages::make() {
-  PointPatches made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), {}}};
-  for (uint64_t i = 0, n = number(0, 64), point = 0; i < n; ++i)
+  PointPatches made{
+      id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, kMaxBlocks - 1)), number(), {}}};
+  for (uint64_t i = 0, n = number(0, kBlockSlots), point = 0; i < n; ++i)
     made.block.points.push_back(source({point += number(1, 9)}));
   return made;
 }
 template <>
 inline PointPositions RandomMessages::make() {
-  PointPositions made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), 0, {}, {}}};
-  const size_t count = number(0, 64);
+  PointPositions made{
+      id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, kMaxBlocks - 1)), number(), 0, {}, {}}};
+  const size_t count = number(0, kBlockSlots);
   made.block.live = live(count);
   for (size_t i = 0; i < count; ++i) {
     made.block.positions.push_back(vector(100));
@@ -296,8 +308,9 @@ inline PointPositions RandomMessages::make() {
 }
 template <>
 inline KeyframePoses RandomMessages::make() {
-  KeyframePoses made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), 0, {}}};
-  const size_t count = number(0, 64);
+  KeyframePoses made{
+      id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, kMaxKeyframeBlocks - 1)), number(), 0, {}}};
+  const size_t count = number(0, kBlockSlots);
   made.block.live = live(count);
   for (size_t i = 0, keyframe = 0; i < count; ++i)
     made.block.keyframes.push_back({{keyframe += number(1, 9)}, pose(), uniform(0, 9)});
@@ -323,14 +336,9 @@ inline SeedVerdict RandomMessages::make() {
 template <>
 inline OfferVerdict RandomMessages::make() {
   OfferVerdict made{id<ClientId>(), {number()}, number(), static_cast<uint32_t>(number(0, 9)), {}};
-  for (uint64_t i = 0, n = number(0, 16); i < n; ++i) {
-    made.recent.push_back({number(),
-                           static_cast<OfferDecision>(number(0, 9)),
-                           text(60),
-                           id<MapId>(),
-                           {number()},
-                           {number()},
-                           {number()}});
+  for (uint64_t i = 0, n = number(0, kMaxOutcomes); i < n; ++i) {
+    made.recent.push_back(
+        {number(), any<OfferDecision>(), text(60), id<MapId>(), {number()}, {number()}, {number()}});
   }
   return made;
 }
@@ -349,9 +357,8 @@ inline RelocQuery RandomMessages::make() {
 }
 template <>
 inline RelocAnswer RandomMessages::make() {
-  RelocAnswer made{
-      id<ClientId>(), command(), {static_cast<RelocalizationVerdict>(number(0, 3)), {}, text(60)}};
-  for (uint64_t i = 0, n = number(1, 16); i < n; ++i) {
+  RelocAnswer made{id<ClientId>(), command(), {any<RelocalizationVerdict>(), {}, text(60)}};
+  for (uint64_t i = 0, n = number(1, kMaxPlaceCandidates); i < n; ++i) {
     made.answer.candidates.push_back({id<MapId>(),
                                       {number()},
                                       {number()},
@@ -369,25 +376,20 @@ inline RelocAnswer RandomMessages::make() {
 
 template <>
 inline ClientRequest RandomMessages::make() {
-  return {id<ClientId>(), command(),  static_cast<RequestAction>(number(0, 2)),
-          id<MapId>(),    {number()}, static_cast<LabelKind>(number(0, 1)),
-          text(40),       {number()}, {number()},
-          pose()};
+  return {id<ClientId>(),   command(), any<RequestAction>(), id<MapId>(), {number()},
+          any<LabelKind>(), text(40),  {number()},           {number()},  pose()};
 }
 template <>
 inline ClientReply RandomMessages::make() {
   ClientReply made{id<ClientId>(), {number()}, number(), static_cast<uint32_t>(number(0, 9)), {}};
-  for (uint64_t i = 0, n = number(0, 16); i < n; ++i) {
-    made.recent.push_back(
-        {number(), static_cast<RequestDecision>(number(0, 7)), text(60), id<MapId>(), {number()}});
+  for (uint64_t i = 0, n = number(0, kMaxOutcomes); i < n; ++i) {
+    made.recent.push_back({number(), any<RequestDecision>(), text(60), id<MapId>(), {number()}});
   }
   return made;
 }
 template <>
 inline LabelMessage RandomMessages::make() {
-  return {id<MapId>(),
-          {number()},
-          {{number()}, static_cast<LabelKind>(number(0, 1)), text(40), pose(), text(32), {12345}}};
+  return {id<MapId>(), {number()}, {{number()}, any<LabelKind>(), text(40), pose(), text(32), {12345}}};
 }
 template <>
 inline AdminRequest RandomMessages::make() {
@@ -403,18 +405,18 @@ inline RigCommand RandomMessages::make() {
   return {"rig-" + std::to_string(number(0, 99)),
           "commander-" + std::to_string(number(0, 99)),
           command(),
-          static_cast<RigMode>(number(0, 11)),
+          any<RigMode>(),
           vector(5).cast<double>(),
           {static_cast<int64_t>(number(0, 1) << 61)},
           {uniform(-1, 1), uniform(-1, 1)},
           {uniform(-3, 3), uniform(-3, 3)},
-          static_cast<RigSearchPattern>(number(0, 1)),
-          std::vector<Eigen::Vector3d>(number(0, 7), vector(3).cast<double>())};
+          any<RigSearchPattern>(),
+          std::vector<Eigen::Vector3d>(number(0, kMaxFurtherDirections), vector(3).cast<double>())};
 }
 template <>
 inline RigAxisState RandomMessages::make() {
-  return {static_cast<RigAxisCondition>(number(0, 7)), static_cast<uint8_t>(number(0, 8)), coin(),
-          uniform(-1, 1), uniform(-3, 3)};
+  return {any<RigAxisCondition>(), static_cast<uint8_t>(number(0, 8)), coin(), uniform(-1, 1),
+          uniform(-3, 3)};
 }
 template <>
 inline RigState RandomMessages::make() {
@@ -427,7 +429,7 @@ inline RigState RandomMessages::make() {
       static_cast<int64_t>(number(0, 99))};
   return {"rig-" + std::to_string(number(0, 99)),
           {static_cast<int64_t>(number(0, 1) << 61)},
-          static_cast<RigMode>(number(0, 11)),
+          any<RigMode>(),
           coin() ? "" : "commander-" + std::to_string(number(0, 99)),
           command(),
           text(40),
@@ -444,7 +446,7 @@ inline RigState RandomMessages::make() {
           static_cast<uint32_t>(number(0, 9)),
           {coin(), static_cast<int64_t>(number(0, 99)), uniform(0, 1)},
           coin() ? "" : "commander-" + std::to_string(number(0, 99)),
-          static_cast<RigMode>(number(0, 11)),
+          any<RigMode>(),
           std::move(samples),
           perhaps(),
           coin() ? std::optional(static_cast<int64_t>(number(0, 99))) : std::nullopt,
@@ -452,8 +454,8 @@ inline RigState RandomMessages::make() {
 }
 template <>
 inline WearerCamera RandomMessages::make() {
-  return {"camera-" + std::to_string(number(0, 99)), static_cast<uint32_t>(number(1, 4096)),
-          static_cast<uint32_t>(number(1, 4096))};
+  return {"camera-" + std::to_string(number(0, 99)), static_cast<uint32_t>(number(1, kMaxImageSide)),
+          static_cast<uint32_t>(number(1, kMaxImageSide))};
 }
 template <>
 inline PictureRequest RandomMessages::make() {
@@ -465,7 +467,7 @@ inline CameraPicture RandomMessages::make() {
   jpeg.encoding = ImageEncoding::kJpeg;
   return {"camera-" + std::to_string(number(0, 99)),
           {static_cast<int64_t>(number(0, 1) << 61)},
-          static_cast<TrackingState>(number(0, 4)),
+          any<TrackingState>(),
           text(30),
           text(60),
           std::move(jpeg)};

@@ -10,6 +10,7 @@
 
 #include "common/base/suggestion.h"
 #include "common/base/yaml_file.h"
+#include "common/map/ids.h"
 
 namespace cairn {
 namespace {
@@ -17,7 +18,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr size_t kLongestName = 32;
 constexpr double kLowestNode = 4;               // below are the identifiers of the IMU
 constexpr double kHighestFeedforward = 32.767;  // [turns/s], of SetInputPosition
 constexpr double kLeastAhead = 0.2;             // of a camera's axis: the rest is to the side
@@ -256,10 +256,7 @@ Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& pat
   Section root(path.string(), *loaded, "");
   RigConfiguration rig;
   rig.name = root.word("name");
-  const bool is_name =
-      !rig.name.empty() && rig.name.size() <= kLongestName &&
-      rig.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
-  root.require(is_name, "name", "expected 1 to 32 of a-z, 0-9 and -");
+  root.require(is_valid_name(rig.name), "name", "expected 1 to 32 of a-z, 0-9 and -");
   rig.period = milliseconds(static_cast<int64_t>(root.number("period", 2, 20)));
   if (auto section = root.section("deadlines")) {
     read_deadlines(*section, rig);

@@ -72,8 +72,7 @@ std::string MapMaker::State::why_full() const {
   const size_t points_to_come = keyframes_to_come * static_cast<size_t>(options.max_points_per_keyframe);
   if (map.points().size() + points_to_come > options.max_points)
     return say("points", map.points().size(), options.max_points);
-  if (map.keyframes().size() >= kMaxKeyframeBlocks * kBlockSlots)
-    return say("keyframes", map.keyframes().size(), kMaxKeyframeBlocks * kBlockSlots);
+  if (map.keyframes().size() >= kMaxKeyframes) return say("keyframes", map.keyframes().size(), kMaxKeyframes);
   return {};
 }
 
@@ -193,6 +192,11 @@ Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapI
 }
 
 MapMaker::MapMaker(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Status check_image_size(const GrayImage& image, const Camera& camera) {
+  if (image.width() == camera.width() && image.height() == camera.height()) return {};
+  return fail(ErrorCode::kDamaged, "the image is not of the camera's size");
+}
+
 MapMaker::~MapMaker() = default;
 
 WorkRecord MapMaker::State::work() const {

@@ -10,6 +10,7 @@
 #include "common/geometry/plane.h"
 #include "common/geometry/two_view.h"
 #include "common/image/fit_warp.h"
+#include "common/map/limits.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/patch_view.h"
 #include "server/mapping/upright.h"
@@ -22,7 +23,6 @@ constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, t
 constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
 constexpr double kPlaneInlierDistance = 0.03;  ///< of the mean depth
 constexpr int kPlaneTrials = 200;
-constexpr double kUnitTolerance = 1e-6;  ///< of the length of the motion
 /// The tracker asked its own matches for as much parallax or more, by their noise; re-measured ones differ a
 /// little, and a bare pass there should not fail here.
 constexpr double kParallaxTolerance = 0.8;

@@ -26,7 +26,7 @@ class CommandGate {
   static constexpr uint32_t kMaxAhead = 4 * kCredit;  ///< beyond the last decided: no more are taken in
   static constexpr int kSentAgain = 3;                ///< times, before a number is believed to be the lowest
   static constexpr int kSentOften = 12;  ///< likewise, once something was taken in: more than loss may hide
-  static constexpr size_t kRecent = 16;  ///< decisions kept in the verdict
+  static constexpr size_t kRecent = wire::kMaxOutcomes;  ///< decisions kept in the verdict
 
   enum class Admission : uint8_t {
     kNew,       ///< to be judged; exactly one decide() must follow

@@ -4,11 +4,13 @@
 #include <utility>
 
 #include "common/base/utf8.h"
+#include "common/wire/limits.h"
 
 namespace cairn {
 namespace {
 
-constexpr size_t kMaxHealthBytes = 1000;  // ServerStatus takes a little more
+constexpr size_t kMaxHealthBytes = 1000;
+static_assert(kMaxHealthBytes <= wire::kMaxReasonBytes);
 
 }  // namespace
 

@@ -40,8 +40,7 @@ bool wants_compaction(const MapSnapshot& map, const MapMakerOptions& options) {
   const size_t keyframes_in_last =
       map.keyframe_blocks.empty() ? 0 : map.keyframe_blocks.back()->keyframes.size();
   return is_crowded(made(map.point_blocks, in_last), map.point_count(), options.max_points) ||
-         is_crowded(made(map.keyframe_blocks, keyframes_in_last), map.keyframe_count(),
-                    kMaxKeyframeBlocks * kBlockSlots);
+         is_crowded(made(map.keyframe_blocks, keyframes_in_last), map.keyframe_count(), kMaxKeyframes);
 }
 
 /// Who brought which keyframes of a map that are there, by name.

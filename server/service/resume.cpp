@@ -6,16 +6,30 @@
 #include <map>
 #include <tuple>
 
+#include "common/base/enumerators.h"
+#include "common/base/utf8.h"
 #include "server/store/epochs.h"
 
 namespace cairn {
 namespace {
 
+// A file from elsewhere may hold what this server would never have written: a client drops a verdict with a
+// number that it does not know or with a reason that it does not take, and would wait for ever.
+
+template <BoundedEnum Enum>
+Enum known_or(uint8_t number, Enum otherwise) {
+  return is_enumerator<Enum>(number) ? static_cast<Enum>(number) : otherwise;
+}
+
+std::string fitting_reason(const DecisionRecord& decision) {
+  return cut_text(one_line(decision.reason), wire::kMaxReasonBytes);
+}
+
 wire::OfferOutcome outcome_of(const DecisionRecord& decision, const KeptDecisions& map) {
   wire::OfferOutcome outcome;
   outcome.seq = decision.seq;
-  outcome.decision = static_cast<wire::OfferDecision>(decision.decision);
-  outcome.reason = decision.reason;
+  outcome.decision = known_or(decision.decision, wire::OfferDecision::kDamaged);
+  outcome.reason = fitting_reason(decision);
   outcome.map = map.map;
   outcome.keyframe = decision.keyframe;
   outcome.epoch = map.epoch;
@@ -24,8 +38,8 @@ wire::OfferOutcome outcome_of(const DecisionRecord& decision, const KeptDecision
 }
 
 wire::RequestOutcome request_outcome_of(const DecisionRecord& decision, const KeptDecisions& map) {
-  return {decision.seq, static_cast<wire::RequestDecision>(decision.decision), decision.reason, map.map,
-          LabelId{decision.label}};
+  return {decision.seq, known_or(decision.decision, wire::RequestDecision::kUnfit), fitting_reason(decision),
+          map.map, LabelId{decision.label}};
 }
 
 wire::SeedVerdict verdict_of(const DecisionRecord& decision, const KeptDecisions& map) {

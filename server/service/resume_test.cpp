@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "common/base/utf8.h"
 #include "server/service/command_gate.h"
 
 namespace cairn {
@@ -72,6 +73,28 @@ TEST(ResumeClients, AProposalThatWasAcceptedIsAnsweredAsAccepted) {
   EXPECT_EQ(offers[1].seq, 2U);
   EXPECT_EQ(offers[1].decision, wire::OfferDecision::kAccepted);
   EXPECT_EQ(offers[1].keyframe, (KeyframeId{9}));
+}
+
+TEST(ResumeClients, ADecisionThatNoServerMakesIsAnsweredAsOneThatClientsTake) {
+  DecisionRecord offer = decision("anna", 1, 10);
+  offer.kind = CommandKind::kOffer;
+  offer.decision = 200;
+  offer.reason = std::string(2 * wire::kMaxReasonBytes, 'x') + "\x1b[2J";
+  DecisionRecord request = offer;
+  request.kind = CommandKind::kRequest;
+  const std::vector<DecisionRecord> decisions{offer, request};
+  const KeptDecisions maps[] = {{MapId{{1}}, Epoch{9}, decisions}};
+  const auto clients = resume_clients(maps, 1);
+  ASSERT_EQ(clients.size(), 1U);
+  const ResumedClient& anna = clients[0].second;
+  ASSERT_EQ(anna.offers.size(), 1U);
+  ASSERT_EQ(anna.requests.size(), 1U);
+  EXPECT_EQ(anna.offers[0].decision, wire::OfferDecision::kDamaged);
+  EXPECT_EQ(anna.requests[0].decision, wire::RequestDecision::kUnfit);
+  for (const std::string& reason : {anna.offers[0].reason, anna.requests[0].reason}) {
+    EXPECT_LE(reason.size(), wire::kMaxReasonBytes);
+    EXPECT_FALSE(fault_of_text(reason)) << reason;
+  }
 }
 
 /// An id that a later roll-back has given up means another keyframe now, whatever the epochs between began

@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/entry_codec.h"
 
+#include "common/base/enumerators.h"
 #include "common/base/utf8.h"
 #include "common/map/limits.h"
 #include "server/store/bytes.h"
 
 namespace cairn {
-namespace {
-
-constexpr size_t kMaxKeyframes = kMaxKeyframeBlocks * kBlockSlots;
-constexpr size_t kMaxPoints = kMaxBlocks * kBlockSlots;
-constexpr size_t kMaxNameBytes = 128;   ///< of a map; on the wire, too
-constexpr size_t kMaxAuthorBytes = 32;  ///< of a label; likewise
-
-}  // namespace
-
 Blob encode_header(const CountedHeader& header) {
   ByteWriter out;
   out.put(std::span(header.header.id.bytes));
@@ -95,8 +87,7 @@ std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row) {
     point.value = in.get<uint64_t>();
   }
   if (kind == static_cast<uint8_t>(CommandKind::kRequest)) decision.label = in.get<uint64_t>();
-  const bool sound = in.finished() && is_valid_name(decision.client) &&
-                     kind <= static_cast<uint8_t>(CommandKind::kRequest) &&
+  const bool sound = in.finished() && is_valid_name(decision.client) && is_enumerator<CommandKind>(kind) &&
                      decision.seed_points.size() <= kMaxTrails;
   if (!sound) return std::nullopt;
   decision.kind = static_cast<CommandKind>(kind);
@@ -129,7 +120,7 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   label.anchor.value = in.get<uint64_t>();
   const auto anchor_from_label = get_pose(&in);
   const bool sound = in.finished() && id > 0 && is_time(label.time) && map_from_label && anchor_from_label &&
-                     kind <= static_cast<uint8_t>(LabelKind::kModel) && text.size() <= kMaxLabelBytes;
+                     is_enumerator<LabelKind>(kind) && text.size() <= kMaxLabelBytes;
   if (!sound) return std::nullopt;
   label.kind = static_cast<LabelKind>(kind);
   label.map_from_label = *map_from_label;

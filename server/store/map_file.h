@@ -29,7 +29,7 @@ struct MapHeader {
   Timestamp created;
 };
 
-enum class CommandKind : uint8_t { kSeed = 0, kOffer = 1, kRequest = 2 };
+enum class CommandKind : uint8_t { kSeed = 0, kOffer = 1, kRequest = 2, kLast = kRequest };
 
 /// The server's word on a client's command, kept with the map that it concerns: a command that is sent again
 /// after a restart is answered, not carried out twice.
@@ -159,36 +159,37 @@ class MapFile {
   [[nodiscard]] const MapHeader& header() const { return header_; }
 
   /// Writes updates in their order, in one transaction: on return they are durable, or none is.
-  Status write(std::span<const MapUpdate> updates);
-  Status rename(const std::string& name);
+  [[nodiscard]] Status write(std::span<const MapUpdate> updates);
+  [[nodiscard]] Status rename(const std::string& name);
   /// Persists a new epoch, later than all before it.
-  Status begin_epoch(Epoch epoch);
+  [[nodiscard]] Status begin_epoch(Epoch epoch);
   /// The state as it is can be had back from now on. It costs nothing then; afterwards each row that changes
   /// is kept once as it was. Error kRefused: there is a tag of that name, or there are too many.
-  Status tag(MapTag tag);
+  [[nodiscard]] Status tag(MapTag tag);
   /// Whose the keyframes are, ascending; also of keyframes that were removed since. Error kDamaged.
   [[nodiscard]] Result<std::vector<Contribution>> contributions();
   /// In the order in which they were made. Error kDamaged.
   [[nodiscard]] Result<std::vector<MapTag>> tags();
   /// Forgets a tag and what only it needed. Error kNotFound.
-  Status untag(const std::string& name);
+  [[nodiscard]] Status untag(const std::string& name);
   /// Error kNotFound.
   [[nodiscard]] Result<MapTag> find_tag(const std::string& name);
   /// Everything as it was when the tag was made, but for the map's name and epochs, the decisions and the
   /// tags, of which there is one more, `before`, for what there is now. Ids that were given since have
   /// another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
   /// Errors: kNotFound, kDamaged, those of `accept`.
-  Status roll_back(const std::string& name, MapTag before, Epoch epoch, const AcceptState& accept = {});
+  [[nodiscard]] Status roll_back(const std::string& name, MapTag before, Epoch epoch,
+                                 const AcceptState& accept = {});
   /// Beside one that writes the file: all that is read while this lives is as of now, header() too.
   [[nodiscard]] Result<sqlite::Reading> read_as_of_now();
   /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
   /// The rows of proposals that could not be read; their numbers are not given again. `read`: by load().
-  Status forget_lost_proposals(const StoredMap& read);
+  [[nodiscard]] Status forget_lost_proposals(const StoredMap& read);
   /// What is wrong with their images.
   [[nodiscard]] std::vector<std::string> check_proposals();
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
-  Status erase_proposals();
+  [[nodiscard]] Status erase_proposals();
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
   /// What is damaged of that which only tags need.
@@ -198,15 +199,15 @@ class MapFile {
   [[nodiscard]] Status check_images(uint64_t most_bytes);
   /// Takes over the images of another file as they stand there, one after another; they are durable with the
   /// next write_back(). `now`: under which ids; those without one stay behind.
-  Status take_images(MapFile* from, const KeyframeIds& now = {});
+  [[nodiscard]] Status take_images(MapFile* from, const KeyframeIds& now = {});
   /// The images of some keyframes, in their order, until there are `enough_bytes`; one at least. Error
   /// kDamaged: the first row that is missing or damaged.
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
   /// A copy in one file, consistent and compact. `path` must not exist.
-  Status copy_to(const std::filesystem::path& path);
+  [[nodiscard]] Status copy_to(const std::filesystem::path& path);
   /// Writes the log back to the file, so that the file alone is all of it. Error kIo; nothing is lost then.
-  Status write_back() { return database_.checkpoint(); }
+  [[nodiscard]] Status write_back() { return database_.checkpoint(); }
   /// The same once the log is long. After answers have gone out: it takes some ten milliseconds.
   void tidy();
 

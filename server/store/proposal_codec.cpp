@@ -12,11 +12,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
-constexpr double kMaxLength = 1e6;  ///< [map unit]
 constexpr size_t kMeasurementBytes = sizeof(uint64_t) + 1 + 2 * sizeof(float);
 constexpr size_t kCandidateBytes = kMeasurementBytes + 2 * sizeof(float);
-constexpr size_t kMaxMeasurements = 8192;  ///< of an offer (idl/cairn.idl)
 
 template <typename Seen>
 void put_seen(const Seen& seen, ByteWriter* out) {

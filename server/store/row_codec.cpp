@@ -5,18 +5,16 @@
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/base/enumerators.h"
 #include "common/geometry/camera_guess.h"
 #include "common/image/limits.h"
 #include "common/io/image_file.h"
+#include "common/map/limits.h"
 #include "server/store/bytes.h"
 
 namespace cairn {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
-constexpr double kMaxLength = 1e6;              ///< [map unit] of coordinates and distances
-constexpr float kUnitToleranceFloat = 1e-3F;    ///< of a direction's norm
-constexpr float kMaxPixel = 4 * kMaxImageSide;  ///< measurements may lie outside the image
 constexpr size_t kIdBytes = sizeof(uint64_t);
 
 bool is_length(double value) {
@@ -55,8 +53,7 @@ std::vector<Id> get_ids(ByteReader* in) {
 }  // namespace
 
 bool is_time(Timestamp time) {
-  constexpr int64_t kMost = int64_t{1} << 62;
-  return time.nanoseconds > -kMost && time.nanoseconds < kMost;
+  return time.nanoseconds > -kMaxTime && time.nanoseconds < kMaxTime;
 }
 
 void put_pose(const SE3& pose, ByteWriter* out) {
@@ -93,7 +90,7 @@ std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row) {
   camera.height = in.get<int32_t>();
   camera.values.resize(in.get_count(sizeof(double)));
   for (double& value : camera.values) value = in.get<double>();
-  if (!in.finished() || model > static_cast<uint8_t>(CameraModel::kFov)) return std::nullopt;
+  if (!in.finished() || !is_camera_model(model)) return std::nullopt;
   camera.model = static_cast<CameraModel>(model);
   return camera;
 }
@@ -369,7 +366,7 @@ std::optional<FoundationRecord> decode_foundation(std::span<const uint8_t> row) 
 
 namespace {
 
-enum class ExtentKind : uint8_t { kNone, kBox, kSphere };
+enum class ExtentKind : uint8_t { kNone, kBox, kSphere, kLast = kSphere };
 
 void put_extent(const std::optional<Extent>& extent, ByteWriter* out) {
   const auto* box = extent ? std::get_if<Box>(&*extent) : nullptr;
@@ -389,7 +386,7 @@ void put_extent(const std::optional<Extent>& extent, ByteWriter* out) {
 /// False: it is none that could be.
 bool get_extent(ByteReader* in, std::optional<Extent>* extent) {
   const auto kind = in->get<uint8_t>();
-  if (kind > static_cast<uint8_t>(ExtentKind::kSphere)) return false;
+  if (!is_enumerator<ExtentKind>(kind)) return false;
   if (kind == static_cast<uint8_t>(ExtentKind::kBox)) {
     Box box;
     box.min = in->get_vector<Eigen::Vector3d>();

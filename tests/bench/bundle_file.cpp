@@ -40,7 +40,7 @@ Result<std::vector<CameraPtr>> read_cameras(std::istream& in, size_t count, cons
     int model = 0;
     size_t values = 0;
     in >> model >> parameters.width >> parameters.height >> values;
-    if (!in || values > 64) return damaged(path, "a camera is cut short");
+    if (!in || values > 64 || !is_camera_model(model)) return damaged(path, "a camera is cut short");
     parameters.model = static_cast<CameraModel>(model);
     parameters.values.resize(values);
     for (double& v : parameters.values) in >> v;

@@ -20,10 +20,21 @@
 /// within bounds, printable texts, and lists that agree with each other. Pure; thread-safe.
 namespace cairn::wire::internal {
 
-constexpr double kMaxLength = 1e6;         ///< [map unit] of coordinates and distances
-constexpr double kMaxTime = 0x1p62;        ///< [ns] before and after the epoch
-constexpr size_t kMaxNameBytes = 128;      ///< of a map's name
-constexpr size_t kMaxMeasurements = 8192;  ///< of a frame
+// Limits are stated once, in the headers named limits.h and beside the messages; idl/cairn.idl bounds its
+// sequences by the same.
+static_assert(kMaxTrails == cairn_MAX_TRAILS);
+static_assert(kMaxMeasurements == cairn_MAX_MEASUREMENTS);
+static_assert(kMaxCandidates == cairn_MAX_CANDIDATES);
+static_assert(kMaxPlaceCorners == cairn_MAX_PLACE_CORNERS);
+static_assert(kMaxPlaceCandidates == cairn_MAX_PLACE_CANDIDATES);
+static_assert(kMaxCameraValues == cairn_MAX_CAMERA_VALUES);
+static_assert(kMaxCalibratedCameras == cairn_MAX_CALIBRATED_CAMERAS);
+static_assert(kBlockSlots == cairn_BLOCK_SLOTS);
+static_assert(kMaxBlocks == cairn_MAX_BLOCKS);
+static_assert(kMaxKeyframeBlocks == cairn_MAX_KEYFRAME_BLOCKS);
+static_assert(kMaxOutcomes == cairn_MAX_OUTCOMES);
+static_assert(kMaxFurtherDirections == cairn_MAX_FURTHER_DIRECTIONS);
+static_assert(kMaxRigSamples == cairn_MAX_RIG_SAMPLES);
 
 /// Memory for the array elements of one encoded sample; keeps it while the sample is written.
 class Scratch {

@@ -6,9 +6,6 @@
 namespace cairn::wire::internal {
 namespace {
 
-constexpr size_t kMaxCameraValues = 32;
-constexpr size_t kMaxOutcomes = 16;
-
 /// Camera and CameraEstimate say the same of a camera.
 template <typename Sample, typename Message>
 Sample encode_camera(const Message& message) {
@@ -38,7 +35,7 @@ template <typename Message, typename Sample>
 Result<Message> decode_camera(const Sample& sample) {
   Check check;
   check.schema(sample.schema_version);
-  check.require(sample.model <= static_cast<uint8_t>(CameraModel::kFov), "unknown camera model");
+  check.require(is_camera_model(sample.model), "unknown camera model");
   check.require(sample.width >= 1 && sample.width <= kMaxImageSide && sample.height >= 1 &&
                     sample.height <= kMaxImageSide,
                 "camera size out of range");
@@ -335,7 +332,7 @@ Result<TrackerStateMessage> decode<TrackerStateMessage>(const cairn_TrackerState
   Check check;
   check.schema(sample.schema_version);
   check.require(sample.session != 0, "no session");
-  check.require(sample.state <= static_cast<uint8_t>(TrackingState::kRotation), "unknown tracking state");
+  check.require(is_enumerator<TrackingState>(sample.state), "unknown tracking state");
   check.pose(sample.camera_from_map);
   check.require(sample.quality >= 0 && sample.quality <= 1, "quality out of range");
   check.time(sample.frame_time);
@@ -459,7 +456,7 @@ Result<OfferVerdict> decode<OfferVerdict>(const cairn_OfferVerdict& sample) {
   message.recent.reserve(sample.recent._length);
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_OfferOutcome& outcome = sample.recent._buffer[i];
-    check.require(outcome.decision <= static_cast<uint8_t>(OfferDecision::kKeptAside), "unknown decision");
+    check.require(is_enumerator<OfferDecision>(outcome.decision), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
     message.recent.push_back({outcome.seq,
                               static_cast<OfferDecision>(outcome.decision),

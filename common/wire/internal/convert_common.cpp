@@ -7,10 +7,7 @@
 namespace cairn::wire::internal {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;            ///< of a quaternion's norm, double
 constexpr float kMostUpSigma = 1;                  ///< [rad]: more says nothing
-constexpr float kUnitToleranceFloat = 1e-3F;       ///< of a direction's norm
-constexpr float kMaxPixel = 4 * kMaxImageSide;     ///< measurements may lie outside the image
 constexpr size_t kMaxEncodedOverhead = 64 * 1024;  ///< of a JPEG over its raw size
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "common/base/enumerators.h"
 #include "common/wire/internal/convert.h"
 
 /// Parts that the conversions of several messages share.
@@ -55,7 +56,7 @@ void put_vector(const Eigen::MatrixBase<Derived>& vector, T (&out)[N]) {
 
 // ---- checks: each names what is unfit
 
-inline tl::unexpected<Error> unfit(const std::string& what) {
+[[nodiscard]] inline tl::unexpected<Error> unfit(const std::string& what) {
   return fail(ErrorCode::kDamaged, what);
 }
 
@@ -77,7 +78,7 @@ class Check {
   void distance(double value) { require(value >= 0 && value <= kMaxLength, "distance out of range"); }
   /// [ns] of any camera's clock, and such that differences of two never overflow: within 146 years.
   void time(int64_t nanoseconds) {
-    require(std::abs(static_cast<double>(nanoseconds)) < kMaxTime, "time out of range");
+    require(nanoseconds > -kMaxTime && nanoseconds < kMaxTime, "time out of range");
   }
   void unit(const float (&vector)[3]);
   void pose(const cairn_Pose& pose);

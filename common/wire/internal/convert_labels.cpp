@@ -3,16 +3,6 @@
 #include "common/wire/internal/convert_common.h"
 
 namespace cairn::wire::internal {
-namespace {
-
-constexpr size_t kMaxOutcomes = 16;
-constexpr size_t kMaxAuthorBytes = 32;
-
-bool is_label_kind(uint8_t kind) {
-  return kind <= static_cast<uint8_t>(LabelKind::kModel);
-}
-
-}  // namespace
 
 // ---- ClientRequest
 
@@ -45,8 +35,8 @@ Result<ClientRequest> decode<ClientRequest>(const cairn_ClientRequest& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.require(sample.action <= static_cast<uint8_t>(RequestAction::kRemoveLabel), "unknown action");
-  check.require(is_label_kind(sample.kind), "unknown kind of label");
+  check.require(is_enumerator<RequestAction>(sample.action), "unknown action");
+  check.require(is_enumerator<LabelKind>(sample.kind), "unknown kind of label");
   check.text(sample.text, kMaxLabelBytes);
   check.pose(sample.reference_from_label);
   if (!check.passed()) return unfit(check.what());
@@ -108,7 +98,7 @@ Result<ClientReply> decode<ClientReply>(const cairn_ClientReply& sample) {
   message.credit = sample.credit;
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_RequestOutcome& outcome = sample.recent._buffer[i];
-    check.require(outcome.decision <= static_cast<uint8_t>(RequestDecision::kBusy), "unknown decision");
+    check.require(is_enumerator<RequestDecision>(outcome.decision), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
     message.recent.push_back({outcome.seq,
                               static_cast<RequestDecision>(outcome.decision),
@@ -157,7 +147,7 @@ Result<LabelMessage> decode<LabelMessage>(const cairn_Label& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.require(sample.label_id != 0, "label without a number");
-  check.require(is_label_kind(sample.kind), "unknown kind of label");
+  check.require(is_enumerator<LabelKind>(sample.kind), "unknown kind of label");
   check.text(sample.text, kMaxLabelBytes);
   check.text(sample.author, kMaxAuthorBytes);
   check.pose(sample.map_from_label);

@@ -67,9 +67,9 @@ DdsBlock encode_block(const Message& message) {
 
 /// A replica allocates by index: an absurd one is refused here.
 template <typename DdsBlock>
-void check_block(const DdsBlock& sample, Check* check) {
+void check_block(const DdsBlock& sample, size_t most_blocks, Check* check) {
   check->schema(sample.schema_version);
-  check->require(sample.block < kMaxBlocks, "block index out of range");
+  check->require(sample.block < most_blocks, "block index out of range");
 }
 
 template <typename Message, typename DdsBlock>
@@ -167,7 +167,7 @@ Result<MapInfo> decode<MapInfo>(const cairn_MapInfo& sample) {
     check.length(sample.bounds_max[i]);
     check.require(sample.bounds_min[i] <= sample.bounds_max[i], "bounds upside down");
   }
-  check.require(sample.right <= static_cast<uint8_t>(MapRight::kWrite), "unknown right");
+  check.require(is_enumerator<MapRight>(sample.right), "unknown right");
   MapInfo message = decode_key<MapInfo>(sample);
   message.name = get_text(sample.name);
   message.epoch = {sample.epoch};
@@ -207,7 +207,7 @@ PointPatches decode_key<PointPatches>(const cairn_PointPatches& sample) {
 template <>
 Result<PointPatches> decode<PointPatches>(const cairn_PointPatches& sample) {
   Check check;
-  check_block(sample, &check);
+  check_block(sample, kMaxBlocks, &check);
   check.count(sample.points, kBlockSlots);
   if (!check.passed()) return unfit(check.what());
   auto message = decode_block<PointPatches>(sample);
@@ -252,7 +252,7 @@ PointPositions decode_key<PointPositions>(const cairn_PointPositions& sample) {
 template <>
 Result<PointPositions> decode<PointPositions>(const cairn_PointPositions& sample) {
   Check check;
-  check_block(sample, &check);
+  check_block(sample, kMaxBlocks, &check);
   check.count(sample.points, kBlockSlots);
   check.live_mask(sample.live, sample.points._length);
   if (!check.passed()) return unfit(check.what());
@@ -298,7 +298,7 @@ KeyframePoses decode_key<KeyframePoses>(const cairn_KeyframePoses& sample) {
 template <>
 Result<KeyframePoses> decode<KeyframePoses>(const cairn_KeyframePoses& sample) {
   Check check;
-  check_block(sample, &check);
+  check_block(sample, kMaxKeyframeBlocks, &check);
   check.count(sample.keyframes, kBlockSlots);
   check.live_mask(sample.live, sample.keyframes._length);
   if (!check.passed()) return unfit(check.what());

@@ -6,9 +6,6 @@
 namespace cairn::wire::internal {
 namespace {
 
-constexpr uint32_t kMaxPointsInView = kMaxBlocks * kBlockSlots;
-constexpr size_t kMaxPlaceCorners = 1024;
-constexpr size_t kMaxPlaceCandidates = 16;
 constexpr uint32_t kMaxSmallSide = kMaxImageSide >> (kPyramidLevels - 1);
 
 }  // namespace
@@ -125,7 +122,7 @@ Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.require(sample.verdict <= static_cast<uint8_t>(RelocalizationVerdict::kNotThere), "unknown verdict");
+  check.require(is_enumerator<RelocalizationVerdict>(sample.verdict), "unknown verdict");
   check.text(sample.reason, kMaxReasonBytes);
   check.count(sample.candidates, kMaxPlaceCandidates);
   if (!check.passed()) return unfit(check.what());
@@ -140,7 +137,7 @@ Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
     check.pose(candidate.camera_from_keyframe);
     check.length(candidate.score);
     check.require(candidate.matches <= kMaxMeasurements && candidate.inliers <= kMaxMeasurements &&
-                      candidate.expected <= kMaxPointsInView,
+                      candidate.expected <= kMaxPoints,
                   "count out of range");
     check.text(candidate.reason, kMaxReasonBytes);
     if (!check.passed()) break;

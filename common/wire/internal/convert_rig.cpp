@@ -18,7 +18,7 @@ void require_within(const T (&values)[N], double most, const char* what, Check* 
 }
 
 void require_mode(uint8_t mode, Check* check) {
-  check->require(mode <= static_cast<uint8_t>(kLastRigMode), "unknown mode");
+  check->require(is_enumerator<RigMode>(mode), "unknown mode");
 }
 
 cairn_RigAxis encode_axis(const RigAxisState& axis) {
@@ -31,7 +31,7 @@ RigAxisState decode_axis(const cairn_RigAxis& axis) {
 }
 
 void check_axis(const cairn_RigAxis& axis, Check* check) {
-  check->require(axis.condition <= static_cast<uint8_t>(RigAxisCondition::kStopped), "unknown condition");
+  check->require(is_enumerator<RigAxisCondition>(axis.condition), "unknown condition");
   check->require(axis.fault <= kMaxFault, "unknown fault");
   check->require(std::abs(axis.position) <= kMaxAngle && std::abs(axis.rate) <= kMaxAngle,
                  "axis out of range");
@@ -159,7 +159,7 @@ Result<RigCommand> decode<RigCommand>(const cairn_RigCommand& sample) {
   for (const double value : sample.target) check.length(value);
   require_within(sample.angles, kMaxAngle, "angle out of range", &check);
   require_within(sample.rates, kMaxAngle, "rate out of range", &check);
-  check.require(sample.pattern <= static_cast<uint8_t>(kLastRigSearchPattern), "unknown pattern of a search");
+  check.require(is_enumerator<RigSearchPattern>(sample.pattern), "unknown pattern of a search");
   check.count(sample.further, kMaxFurtherDirections);
   for (uint32_t i = 0; check.passed() && i < sample.further._length; ++i)
     for (const double value : sample.further._buffer[i].direction) check.length(value);

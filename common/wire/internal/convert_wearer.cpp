@@ -109,7 +109,7 @@ Result<CameraPicture> decode<CameraPicture>(const cairn_CameraPicture& sample) {
   check.schema(sample.schema_version);
   require_name(sample.name, false, kNoClient, &check);
   check.time(sample.time);
-  check.require(sample.state <= static_cast<uint8_t>(TrackingState::kRotation), "unknown tracking state");
+  check.require(is_enumerator<TrackingState>(sample.state), "unknown tracking state");
   check.text(sample.map_name, kMaxNameBytes);
   check.text(sample.note, kMaxCameraPictureNote);
   check.image(sample.picture);
