@@ -191,8 +191,8 @@ bool FrameLoop::try_place(const RelocalizationAnswer& answer) {
   return true;
 }
 
-/// Where its pose is measured the tracker stays, whatever was suggested meanwhile. A place that does not hold
-/// gives way to the map it was last tracked in: who is lost looks there by itself.
+/// Where its pose is measured the tracker stays, whatever was answered meanwhile. A hypothesis that does not
+/// hold gives way to the map it was last tracked in: who is lost looks there by itself.
 void FrameLoop::settle_verification(const FrameResult& result) {
   if (result.pose_measured) verified_ = {result.map, result.epoch, result.revision};
   if (!map_to_verify_) return;

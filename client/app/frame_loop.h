@@ -102,7 +102,7 @@ class FrameLoop {
   /// did not hold costs a start no patience.
   bool has_tracked_ = false;
   Timestamp asked_;      ///< of the frame of the latest query
-  MapId map_to_verify_;  ///< in use because a place in it was suggested, and not verified yet
+  MapId map_to_verify_;  ///< in use because of a hypothesis in it that is not verified yet
   struct VerifiedMap {
     MapId map;
     Epoch epoch;

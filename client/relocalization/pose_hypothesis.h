@@ -20,7 +20,7 @@ struct PoseHypothesis {
 enum class PlaceUse {
   kToVerify,   ///< with the next frame that comes with the map
   kNotNeeded,  ///< it knows where it is, or has not been lost for long enough to leave its map
-  kNotKnown,   ///< no place was suggested, or one that was rejected again and again
+  kNotKnown,   ///< the answer has no candidate, or one that was rejected again and again
 };
 
 }  // namespace cairn

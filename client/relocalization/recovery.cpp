@@ -261,7 +261,7 @@ std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timesta
   return query_.ask(frame, time, up);
 }
 
-/// Whether a place suggested would be tried.
+/// Whether a hypothesis would be verified.
 bool Recovery::is_looking(bool may_enter) const {
   if (const Starting* starting = as<Starting>()) return may_enter && !starting->insists;
   return is_lost() || as<Turned>() != nullptr;

@@ -44,9 +44,9 @@ class RelocQueryState {
   /// As new, but for the places rejected: who starts over must not be led to them again.
   void restart();
 
-  /// Whether a place suggested in this map waits to be tried.
+  /// Whether a hypothesis in this map waits to be verified.
   [[nodiscard]] bool has_hypothesis_in(const MapSnapshot& map) const;
-  /// The place suggested, to be tried once, as a pose of the present frame: turned since the query as the
+  /// The hypothesis, to be verified once, as a pose of the present frame: turned since the query as the
   /// tiny images say. Nothing when the map is another or its keyframe has gone.
   [[nodiscard]] std::optional<SE3> take(const FrameImages& frame, const Camera& camera,
                                         const MapSnapshot& map);

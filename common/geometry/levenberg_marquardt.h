@@ -19,7 +19,9 @@ struct LevenbergMarquardtOptions {
   double least_gain = 1e-6;  ///< share of the cost; a step that gains less is the last
 };
 
-/// Moves `state` to a minimum of its cost (Marquardt 1963), never to a higher one.
+/// Moves `state` to a minimum of its cost (Marquardt 1963), never to a higher one. A step that leads to a
+/// cost that is not finite gains nothing, and is tried again with more damping like any other that gains
+/// nothing.
 ///   linearize(state)                   the normal equations there; may set what cost() cuts residuals off at
 ///   step(state, equations, damping)    std::optional<State>, where the step leads whose equations have their
 ///                                      diagonal multiplied with 1 + damping; nothing if they have no

@@ -20,7 +20,7 @@ namespace cairn {
 struct KeyframeView {
   KeyframeId id;
   CameraPtr camera;
-  std::shared_ptr<const Pyramid> pyramid;      ///< null: has been let go
+  std::shared_ptr<const Pyramid> pyramid;      ///< null: evicted
   std::vector<PointMeasurement> measurements;  ///< ascending by point
   /// FAST-10 corners of `pyramid` by level, as a query about the image wants them
   /// (common/image/place.h); null where nobody has looked for them.

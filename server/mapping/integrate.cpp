@@ -37,16 +37,15 @@ KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) {
   return {verdict, std::move(reason), {}};
 }
 
-/// A frame that is not to be refused for something else gets its image.
+/// The image is there, decoded where it has to be, and of the camera's size.
 Status take_image(const DecodeImage& decode, KeyframeInput* input) {
   if (!input->image && decode) {
     auto image = decode();
     if (!image) return tl::unexpected(image.error());
     input->image = std::move(*image);
   }
-  const bool fits = input->image && input->image->width() == input->camera->width() &&
-                    input->image->height() == input->camera->height();
-  return fits ? Status() : fail(ErrorCode::kDamaged, "the image is not of the camera's size");
+  if (!input->image) return fail(ErrorCode::kDamaged, "the frame has no image");
+  return check_image_size(*input->image, *input->camera);
 }
 
 /// The pose on the measurements of points that still live, each point counted once; its inliers.

@@ -40,7 +40,7 @@ struct MapMakerOptions {
   int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
   int local_keyframes =
       4;  ///< nearest keyframes that move in a local adjustment, beside the newest (PTAM r114)
-  size_t max_points = kMaxBlocks * kBlockSlots;  ///< ever made: removed points keep their slot
+  size_t max_points = kMaxPoints;  ///< ever made: removed points keep their slot
   uint64_t seed = 1;
 };
 
@@ -93,6 +93,9 @@ struct KeyframeInput {
 
 /// Gives the image of a frame that has come without one. An error: it cannot be used.
 using DecodeImage = std::function<Result<GrayImagePtr>()>;
+
+/// kDamaged where an image is not of the size of the camera that it is said to be of.
+[[nodiscard]] Status check_image_size(const GrayImage& image, const Camera& camera);
 
 enum class KeyframeVerdict : uint8_t {
   kAccepted,
@@ -186,7 +189,8 @@ class MapMaker {
   /// measurements of known points and points of its candidates are in the map on return, the rest is work
   /// for step(). Candidates that come while images are evicted are passed over. A few milliseconds.
   /// Refused as kFull while there is still room for the points of all keyframes taken before. `decode` is
-  /// asked for an image that is not in `input`, and not where the frame is refused whatever that shows.
+  /// asked for an image that is not in `input`: of a chained frame at once, as more points are looked for in
+  /// it; of any other once enough of its measurements agree with the map.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input, const DecodeImage& decode = {});
 
   /// Whether a step() has anything to do, or a global adjustment would.

@@ -43,10 +43,6 @@ bool is_withdrawn(const std::shared_ptr<const PendingOffer>& pending) {
   return pending != nullptr && pending->is_withdrawn();
 }
 
-bool fits(const GrayImage& image, const Camera& camera) {
-  return image.width() == camera.width() && image.height() == camera.height();
-}
-
 MapMeasures measures_of(const MapMaker& maker) {
   MapMeasures measures{maker.reprojection_rms(), {}};
   for (const KeyframeView& keyframe : maker.keyframe_views()) {
@@ -178,9 +174,8 @@ Result<SeedResult> MapRunner::make_map(SeedJob* job) {
                                 std::pair{&job->second_image, &job->input.second_image}}) {
     Result<GrayImagePtr> decoded = decode_image(*message);
     if (!decoded) return tl::unexpected(decoded.error());
-    if (!fits(**decoded, *job->input.camera)) {
-      return fail(ErrorCode::kDamaged, "the images are not of the camera's size");
-    }
+    if (Status fits = check_image_size(**decoded, *job->input.camera); !fits)
+      return tl::unexpected(std::move(fits.error()));
     *image = std::move(*decoded);
   }
   auto started = MapMaker::start(job->input, options_);

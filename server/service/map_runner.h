@@ -135,7 +135,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void give_way(Kept then);
   /// Nothing has taken its place: it goes on.
   void go_on_after_all();
-  /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
+  /// Evicts the images when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// images the place index has; else nothing happens. With a store only. Does not wait.
   void evict_images(std::pair<Epoch, Revision> indexed);
   /// `done` gets them of the map as it is.

@@ -36,8 +36,8 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
   if (!pose) return refuse(OfferDecision::kStale, "what its pose is relative to is not in the map now");
   const Result<GrayImagePtr> image = decode_image(offer.image);
   if (!image) return refuse(OfferDecision::kDamaged, image.error().message);
-  if ((**image).width() != camera.width() || (**image).height() != camera.height())
-    return refuse(OfferDecision::kDamaged, "the image is not of the camera's size");
+  if (Status fits = check_image_size(**image, camera); !fits)
+    return refuse(OfferDecision::kDamaged, std::move(fits.error().message));
   const StillMaskPtr still = still_mask_of(camera.width(), camera.height(), offer.still_mask);
   const auto images = prepare_images((**image).view(), still);
   const auto points = expected_points(map, camera, *pose, *images, still, kMostPoints);

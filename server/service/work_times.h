@@ -29,7 +29,8 @@ class WorkTimes {
  public:
   /// From when an offer came to when it was looked at.
   void waited(std::chrono::nanoseconds wall);
-  /// Processor time of judging an offer and taking it in.
+  /// Processor time of judging an offer and taking it in. Offers that are refused before their image is
+  /// decoded count as well, and take much less than the others.
   void judged(std::chrono::nanoseconds cpu);
   /// Processor time of a piece of work, whatever it was interrupted by.
   void worked(const StepReport& report, std::chrono::nanoseconds cpu);

@@ -125,7 +125,7 @@ TEST_F(YoungMapsTest, OneThatAnotherHasBeenInStays) {
   EXPECT_THAT(dead(), IsEmpty());
 }
 
-/// A place that was suggested may turn out to be none.
+/// A hypothesis may be rejected.
 TEST_F(YoungMapsTest, WhoLooksWhetherItIsThereIsWaitedFor) {
   for (const char* client : {"anna", "bert"}) {
     maps_.made(kMap, "anna", kSession);
