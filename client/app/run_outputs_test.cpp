@@ -2,9 +2,13 @@
 #include "client/app/run_outputs.h"
 
 #include <gmock/gmock.h>
+#include <spdlog/sinks/ostream_sink.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <fstream>
+#include <sstream>
+#include <thread>
 
 #include "client/app/test_doubles.h"
 #include "common/io/test_directory.h"
@@ -13,6 +17,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using testing::at_ms;
 using ::testing::HasSubstr;
 using testing::make_frame;
@@ -97,6 +102,57 @@ TEST_F(RunOutputsTest, PipesThatNobodyReadsCostNothingAndAreToldOnceEach) {
   ASSERT_FALSE(closed);
   EXPECT_EQ(closed.error().code, ErrorCode::kIo);
   EXPECT_THAT(closed.error().message, HasSubstr("nobody reads"));
+}
+
+/// /dev/full is a disk without room.
+class FullDiskTest : public RunOutputsTest {
+ protected:
+  FullDiskTest() {
+    for (const char* name : {"poses.txt", "stats.json"})
+      std::filesystem::create_symlink("/dev/full", folder_ / name);
+  }
+  Result<RunOutputs> open() {
+    return RunOutputs::open(
+        options_, nullptr, [] { return false; }, log_);
+  }
+
+  std::ostringstream said_;
+  Logger log_ =
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said_));
+};
+
+TEST_F(FullDiskTest, APoseThatCannotBeWrittenIsToldAtOnceAndOnceAndAtTheEnd) {
+  options_.trajectory = folder_ / "poses.txt";
+  auto outputs = open();
+  ASSERT_TRUE(outputs) << outputs.error().message;
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (said_.str().empty() && std::chrono::steady_clock::now() < deadline) {
+    track_a_frame(outputs->observers());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  const std::string at_once = said_.str();
+  EXPECT_THAT(at_once, AllOf(HasSubstr("poses.txt"), HasSubstr("No space left"), HasSubstr("going on")));
+  for (int i = 0; i < 20; ++i) track_a_frame(outputs->observers());
+  EXPECT_EQ(said_.str(), at_once);
+  const auto closed = outputs->close(RunStats(RunStats::FrameList::kKept), 0, 0);
+  ASSERT_FALSE(closed);
+  EXPECT_EQ(closed.error().code, ErrorCode::kIo);
+  EXPECT_THAT(closed.error().message,
+              AllOf(HasSubstr("poses.txt"), HasSubstr("No space left"), HasSubstr("rows are missing")));
+}
+
+TEST_F(FullDiskTest, EachFileThatIsNotWholeIsToldByName) {
+  options_.trajectory = folder_ / "poses.txt";
+  options_.stats = folder_ / "stats.json";
+  auto outputs = open();
+  ASSERT_TRUE(outputs) << outputs.error().message;
+  track_a_frame(outputs->observers());
+  const auto closed = outputs->close(RunStats(RunStats::FrameList::kKept), 0, 0);
+  ASSERT_FALSE(closed);
+  EXPECT_EQ(closed.error().code, ErrorCode::kIo);
+  const std::string all = said_.str() + closed.error().message;
+  for (const char* name : {"poses.txt", "stats.json"})
+    EXPECT_THAT(all, HasSubstr(std::string(name) + ": cannot be written: No space left")) << name;
 }
 
 TEST_F(RunOutputsTest, FilesAreCompleteWhenTheyAreClosed) {

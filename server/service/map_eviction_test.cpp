@@ -184,7 +184,17 @@ class FailingWriterTest : public IdleMapTest {
     map_->flush();
     map_->damage("ALTER TABLE images RENAME TO gone");
   }
-  /// All is kept in the end.
+  /// The writer goes on and fails: the offer is refused, no image is evicted, and all is kept in the end.
+  void expect_refused_and_kept() {
+    map_->ask_to_evict();
+    map_->settle_queue();
+    writer_->release();
+    EXPECT_EQ(value_of(std::move(offered_)).decision, wire::OfferDecision::kFull);
+    map_->settle();
+    expect_kept();
+  }
+
+ private:
   void expect_kept() {
     EXPECT_EQ(map_->without_images(), 0U);
     EXPECT_EQ(map_->frozen(), "");
@@ -198,31 +208,23 @@ class FailingWriterTest : public IdleMapTest {
     map_->end();
     EXPECT_FALSE(map_->content().empty());
   }
-  std::unique_ptr<KeptMap> map_;
   std::unique_ptr<Blocker> writer_;
   std::future<OfferJudgement> offered_;
+
+ protected:
+  std::unique_ptr<KeptMap> map_;
 };
 
 TEST_F(FailingWriterTest, WhatCouldNotBeKeptIsNotEvicted) {
   hand_in_in_vain();
-  map_->ask_to_evict();
-  map_->settle_queue();
-  writer_->release();
-  EXPECT_EQ(value_of(std::move(offered_)).decision, wire::OfferDecision::kFull);
-  map_->settle();
-  expect_kept();
+  expect_refused_and_kept();
 }
 
 TEST_F(FailingWriterTest, NorIsWhatIsHandedInAgainAndMayFailAgain) {
   hand_in_in_vain();
   // Between the failure and the second look: all is handed in once more.
   map_->store().run([this](Store&) { map_->runner().flush([](const Status&) {}); });
-  map_->ask_to_evict();
-  map_->settle_queue();
-  writer_->release();
-  EXPECT_EQ(value_of(std::move(offered_)).decision, wire::OfferDecision::kFull);
-  map_->settle();
-  expect_kept();
+  expect_refused_and_kept();
 }
 
 }  // namespace

@@ -493,6 +493,33 @@ class Faults(OnTheDesk):
                 self.assertEqual(subprocess.call(command("cairnctl", "--domain", server.domain, "status"), stdout=full), 3)
         os.close(reader)
 
+    def test_a_full_disk_is_said_by_name_at_once_and_at_the_end(self):
+        for end in ("txt", "json"):
+            (self.folder / f"full.{end}").symlink_to("/dev/full")
+        with ServerProcess("-q") as server:
+            done = subprocess.run(self.arguments(server, "full", "--pace", "max"), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 3, done.stderr)
+        full = r": cannot be written: No space left on device"
+        self.assertRegex(done.stderr, rf"full\.txt{full}; going on")
+        self.assertRegex(done.stderr, rf"full\.txt{full}; \d+ of \d+ rows are missing")
+        self.assertRegex(done.stderr, rf"full\.json{full}; not complete")
+
+    def test_a_signal_leaves_whole_files(self):
+        rows = self.folder / "cut.txt"
+        with ServerProcess("-q") as server:
+            run = subprocess.Popen(self.arguments(server, "cut", "--pace", "realtime", "--video", self.folder / "cut.mkv"),
+                                   stderr=subprocess.PIPE, text=True)
+            deadline = time.monotonic() + LIMIT
+            while time.monotonic() < deadline and run.poll() is None and not (rows.exists() and rows.read_text().count("\n") > 30):
+                time.sleep(0.01)
+            run.send_signal(signal.SIGTERM)
+            said = run.communicate(timeout=LIMIT)[1]
+        self.assertEqual(run.returncode, 130, said)  # the video was read to its end, or it would be 3
+        self.assertTrue(rows.read_text().endswith("\n"))
+        poses = [row for row in rows.read_text().splitlines() if not row.startswith("#")]
+        self.assertTrue(all(len(row.split()) == 8 for row in poses))
+        self.assertEqual(json.loads((self.folder / "cut.json").read_text())["tracked"], len(poses))
+
     def test_a_server_whose_log_nobody_reads_hears_a_signal(self):
         with full_pipe() as log:
             server = subprocess.Popen(command("cairn-server", "--domain", FIRST_DOMAIN + DOMAINS - 1), stderr=log)
