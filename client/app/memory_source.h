@@ -18,7 +18,7 @@ class MemorySource final : public FrameSource {
   /// Not for live sources, which do not end.
   MemorySource(FrameSource& recording, const std::function<bool()>& stop_requested);
 
-  Result<std::optional<Frame>> next() override;
+  [[nodiscard]] Result<std::optional<Frame>> next() override;
   std::optional<size_t> frame_count() const override { return frame_count_; }
   std::optional<CameraParameters> builtin_calibration() const override { return calibration_; }
   std::optional<ImageSize> image_size() const override { return image_size_; }

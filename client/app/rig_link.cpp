@@ -114,6 +114,7 @@ void RigLink::turn() {
     is_stuck = last_frame_ && steady_clock::now() - *last_frame_ > kStuck;
   }
   const bool lets_go = order && (order->mode == wire::RigMode::kStop || order->mode == wire::RigMode::kIdle);
+  // Both are said again at once.
   if (order && (!is_stuck || lets_go)) (void)orders_.write(*order);
   if (pose) (void)poses_.write(*pose);
 }

@@ -90,7 +90,7 @@ Status RunOutputs::close(const RunStats& stats, uint64_t bytes_sent, uint64_t by
   if (video_ && video_->images_dropped() > 0)
     log_->info("--video: {} images left out, tracking went first", video_->images_dropped());
   if (stats_) {
-    (void)stats_->write(stats.to_json(bytes_sent, bytes_received));
+    (void)stats_->write(stats.to_json(bytes_sent, bytes_received));  // finish() says what is missing
     note(stats_->finish({}, stop_requested_));
   }
   if (trajectory_) note(trajectory_->finish(stop_requested_));

@@ -22,7 +22,7 @@ class DecodeAhead final : public FrameSource {
   DecodeAhead(const DecodeAhead&) = delete;
   DecodeAhead& operator=(const DecodeAhead&) = delete;
 
-  Result<std::optional<Frame>> next() override;
+  [[nodiscard]] Result<std::optional<Frame>> next() override;
   std::optional<size_t> frame_count() const override { return frame_count_; }
   std::optional<CameraParameters> builtin_calibration() const override { return calibration_; }
   std::optional<ImageSize> image_size() const override { return image_size_; }

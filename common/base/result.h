@@ -37,7 +37,7 @@ using Result = tl::expected<T, Error>;
 using Status = Result<void>;
 
 /// Shorthand for `return fail(ErrorCode::kIo, "...")`.
-inline tl::unexpected<Error> fail(ErrorCode code, std::string message) {
+[[nodiscard]] inline tl::unexpected<Error> fail(ErrorCode code, std::string message) {
   return tl::unexpected<Error>(Error{code, std::move(message)});
 }
 

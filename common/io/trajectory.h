@@ -57,7 +57,7 @@ class TrajectoryWriter {
   /// Appends a row, and before it `# map ID NAME` when the map is not that of the row before. Time to the
   /// nanosecond, 9 decimals, qw >= 0. The first fault so far, kIo (disk full, rows left out); the rows after
   /// it are tried all the same.
-  Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
+  [[nodiscard]] Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
   /// As StreamWriter::finish(). Without it, a regular file is completed by the destructor.
   [[nodiscard]] Status finish(
       DrainPatience patience = {}, const std::function<bool()>& stop_requested = [] { return false; });

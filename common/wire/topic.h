@@ -49,9 +49,9 @@ class Writer {
   /// Hands the message to the middleware. Never waits for a peer: all writers are KEEP_LAST (internal/qos.h).
   /// kInternal for a message beyond the bounds of the wire (idl/cairn.idl); kRefused for one that is larger
   /// than any peer takes (internal/configuration.h), with its topic and size.
-  Status write(const Message& message);
+  [[nodiscard]] Status write(const Message& message);
   /// Removes the instance of this key.
-  Status dispose(const Message& key);
+  [[nodiscard]] Status dispose(const Message& key);
   /// Readers that match at this moment.
   [[nodiscard]] int matched() const;
 

@@ -19,7 +19,7 @@ class Waiter {
   Waiter& operator=(Waiter&&) noexcept;
   ~Waiter();
 
-  Status attach(std::initializer_list<std::reference_wrapper<const ReaderBase>> readers);
+  [[nodiscard]] Status attach(std::initializer_list<std::reference_wrapper<const ReaderBase>> readers);
   /// Until an attached reader has something to take, wake() was called (also before this call), or the time
   /// is over. False only for the last.
   bool wait(std::chrono::milliseconds timeout);

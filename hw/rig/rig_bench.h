@@ -49,7 +49,7 @@ class RigBench {
         bus_(sound_drives(pan, tilt), {}, seed, now_),
         rig_(configuration_, now_) {}
 
-  Status command(decltype(RigCommand::what) what) {
+  [[nodiscard]] Status command(decltype(RigCommand::what) what) {
     Status done = rig_.take({commander, std::move(what)}, now_);
     send();
     return done;

@@ -61,7 +61,7 @@ inline std::string walking_rig() {
 }
 
 /// What becomes of a configuration file with that text.
-inline Result<RigConfiguration> read_rig(const std::string& text) {
+[[nodiscard]] inline Result<RigConfiguration> read_rig(const std::string& text) {
   std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::replace(name.begin(), name.end(), '/', '_');
   const std::string path =

@@ -91,21 +91,21 @@ class Rights {
 
   /// In place of the one with the same subject and map, if there is one. Error kUsage: it grants what cannot
   /// be, an extent of a right that lets nothing grow, names that cannot be.
-  Status grant(Grant grant);
+  [[nodiscard]] Status grant(Grant grant);
   /// Error kNotFound: there is no such grant.
-  Status revoke(const Subject& subject, const std::optional<MapId>& map);
+  [[nodiscard]] Status revoke(const Subject& subject, const std::optional<MapId>& map);
   /// Nothing: as its other grants and the site's default say.
-  Status let_create(const Subject& subject, std::optional<bool> may);
+  [[nodiscard]] Status let_create(const Subject& subject, std::optional<bool> may);
   /// An empty set removes the group.
-  Status put_group(const std::string& name, std::set<std::string> members);
+  [[nodiscard]] Status put_group(const std::string& name, std::set<std::string> members);
   void set_standard(Right right, bool may_create);
   /// Who is not named, as a client or by a group, may do nothing: neither by default nor by what everyone was
   /// granted.
   void close_to_unnamed();
   /// Nothing: it takes keyframes again. Error kUsage: words that a person cannot read in one line.
-  Status freeze(const MapId& map, std::optional<Closure> closure);
+  [[nodiscard]] Status freeze(const MapId& map, std::optional<Closure> closure);
   /// Nothing: let in again. Error kUsage: no client can have that name; as of freeze().
-  Status block(const std::string& client, std::optional<Closure> closure);
+  [[nodiscard]] Status block(const std::string& client, std::optional<Closure> closure);
   /// Whether keyframes of those who may not add them are kept aside as proposals: in a map, or, without one,
   /// in all maps of which nothing else is said. Nothing: in the map, as in all others; in all, no.
   void welcome_proposals(const std::optional<MapId>& map, std::optional<bool> welcome);

@@ -33,12 +33,12 @@ class StagingFolder {
 };
 
 /// A finished file to its place; the one of that name goes. Error kIo: that stays.
-Status leave_file(const std::filesystem::path& finished, const std::filesystem::path& place);
+[[nodiscard]] Status leave_file(const std::filesystem::path& finished, const std::filesystem::path& place);
 
 /// The scene in `format` (colmap, colmap-text, ply or all) under `place`, written in `staging` first. What an
 /// earlier export has left there is replaced; of COLMAP's two kinds of model also the one that was not asked
 /// for, since its images go. Errors: kRefused (something else lies in the way: nothing is touched), kIo.
-Status leave_scene(const ExportedScene& scene, const std::string& format, const StagingFolder& staging,
-                   const std::filesystem::path& place);
+[[nodiscard]] Status leave_scene(const ExportedScene& scene, const std::string& format,
+                                 const StagingFolder& staging, const std::filesystem::path& place);
 
 }  // namespace cairn

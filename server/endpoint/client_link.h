@@ -29,7 +29,7 @@ struct ClientWriters {
 };
 
 /// Writes an event to its topic.
-Status write(ClientWriters& writers, const ClientEvent& event);
+[[nodiscard]] Status write(ClientWriters& writers, const ClientEvent& event);
 
 /// What leads to one client: made of its readers as they are discovered.
 struct ClientLink {

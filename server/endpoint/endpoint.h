@@ -103,9 +103,9 @@ class Endpoint : private ServiceOutput {
   void check(const Status& written, const char* what);
 
   // What the service says.
-  Status tell(const std::string& client, const ClientEvent& event) override;
-  Status answer(const std::string& operator_name, const wire::AdminReply& reply) override;
-  Status write_reply(const std::string& operator_name, const wire::AdminReply& reply);
+  [[nodiscard]] Status tell(const std::string& client, const ClientEvent& event) override;
+  [[nodiscard]] Status answer(const std::string& operator_name, const wire::AdminReply& reply) override;
+  [[nodiscard]] Status write_reply(const std::string& operator_name, const wire::AdminReply& reply);
   void revised(MapId map, const MapSnapshotPtr& newest) override;
   void labelled(const wire::LabelMessage& label) override;
   void label_removed(MapId map, LabelId label) override;

@@ -96,7 +96,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   if (*running) (*running)->close();
   int code = served ? 0 : complain(served.error());
   if (stats) {
-    (void)stats->write(to_json(work_times.summaries()));
+    (void)stats->write(to_json(work_times.summaries()));  // finish() says what is missing
     if (const auto complete = stats->finish(); !complete) code = complain(complete.error());
   }
   const cairn::ExitDeadline deadline(code, cairn::kClosingPatience, log);

@@ -23,8 +23,8 @@ class MapFeed {
   void client_has(Epoch epoch, Revision revision) { publisher_.client_has(epoch, revision); }
 
   /// Labels are not part of a revision: they are written at once.
-  Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
-  Status hide(MapId map, LabelId label);
+  [[nodiscard]] Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
+  [[nodiscard]] Status hide(MapId map, LabelId label);
 
   /// Writes what is due, at most kBlocksPerTurn blocks of it.
   void work(MonotonicTime now);

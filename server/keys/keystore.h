@@ -18,7 +18,7 @@ namespace cairn {
 class Keystore {
  public:
   /// Makes `folder` with new authorities. Errors: kRefused (something is there already), kIo.
-  static Status init(const std::filesystem::path& folder, Timestamp now);
+  [[nodiscard]] static Status init(const std::filesystem::path& folder, Timestamp now);
   /// Waits until nobody else has it. Errors: kNotFound (no keys there; says how to make some), kDamaged, kIo.
   [[nodiscard]] static Result<Keystore> open(const std::filesystem::path& folder);
 
@@ -34,7 +34,7 @@ class Keystore {
                                                     std::chrono::seconds valid_for, Timestamp now);
   /// Puts it on the list that the server reads, and its certificates on the one that the middleware reads;
   /// its security folder goes. Errors: kNotFound, kConfiguration, kIo.
-  Status revoke(IdentityRole role, const std::string& name, Timestamp now);
+  [[nodiscard]] Status revoke(IdentityRole role, const std::string& name, Timestamp now);
 
   [[nodiscard]] const Register& identities() const { return identities_; }
   [[nodiscard]] std::filesystem::path security_folder(IdentityRole role, const std::string& name) const;
@@ -44,10 +44,10 @@ class Keystore {
   /// `identity` with a new issue, in the register and as a folder.
   [[nodiscard]] Result<std::filesystem::path> make(Identity identity, std::chrono::seconds valid_for,
                                                    Timestamp now);
-  Status leave_folder(const Identity& identity, const KeyPair& keys, const KeyPair& documents,
-                      const Validity& validity) const;
+  [[nodiscard]] Status leave_folder(const Identity& identity, const KeyPair& keys, const KeyPair& documents,
+                                    const Validity& validity) const;
   /// The register, first here and then where the servers read it; with what is revoked for the middleware.
-  Status save(Register changed, Timestamp now);
+  [[nodiscard]] Status save(Register changed, Timestamp now);
   [[nodiscard]] Result<KeyPair> authority(const char* name, Timestamp now) const;
 
   std::filesystem::path folder_;

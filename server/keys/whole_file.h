@@ -15,7 +15,8 @@ constexpr mode_t kSecretFile = 0600;
 constexpr mode_t kPublicFile = 0644;
 
 /// Beside `path` first, then moved there; the one of that name goes.
-Status write_whole_file(const std::filesystem::path& path, std::string_view content, mode_t mode);
+[[nodiscard]] Status write_whole_file(const std::filesystem::path& path, std::string_view content,
+                                      mode_t mode);
 
 /// A folder (0700) for what is not finished, beside the one where it will be left.
 class UnfinishedFolder {
@@ -28,7 +29,7 @@ class UnfinishedFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   /// Finished: takes its place; what was there goes.
-  Status leave();
+  [[nodiscard]] Status leave();
 
  private:
   UnfinishedFolder(std::filesystem::path path, std::filesystem::path place)

@@ -39,7 +39,7 @@ class CameraList {
  public:
   /// Takes a version of a camera; the one before stays for what is in flight. A version never changes. Error:
   /// why it cannot be used.
-  Status put(wire::PeerId process, const wire::CameraMessage& message, MonotonicTime now);
+  [[nodiscard]] Status put(wire::PeerId process, const wire::CameraMessage& message, MonotonicTime now);
   /// `process` holds the name: its cameras are meant from now on.
   void set_holder(wire::PeerId process) { holder_ = process; }
   /// A camera of the holder's, until the next call of put(); null when it has not announced it (yet).

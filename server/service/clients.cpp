@@ -83,7 +83,7 @@ void Clients::resume(const std::vector<RestoredMap>& restored, const std::vector
   }
 }
 
-Status Clients::tell(const Client& client, const ClientEvent& event) {
+Status Clients::try_to_tell(const Client& client, const ClientEvent& event) {
   // Its readers of maps may be there before and after those that it is told by.
   if (!client.connected && !std::holds_alternative<MapUnlisted>(event)) return {};
   Status told = context_.output.tell(client.name, with_fitting_words(event));

@@ -37,8 +37,10 @@ class Clients {
   /// What was decided on before the server started: a client that sends it again is answered.
   void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
-  /// If it is connected.
-  Status tell(const Client& client, const ClientEvent& event);
+  /// If it is connected. What cannot be told is logged, now and then.
+  void tell(const Client& client, const ClientEvent& event) { (void)try_to_tell(client, event); }
+  /// Likewise, for who has to know whether it was told.
+  [[nodiscard]] Status try_to_tell(const Client& client, const ClientEvent& event);
   /// All that are connected; with it, what a notice to another process has replaced.
   void tell_status(const wire::ServerStatus& status);
   void write_verdicts(Client& client);

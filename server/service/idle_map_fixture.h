@@ -112,7 +112,7 @@ class KeptMap {
     set([&] { on_paged_ = std::move(listener); });
   }
 
-  Result<SeedResult> start(const SeedInput& input) {
+  [[nodiscard]] Result<SeedResult> start(const SeedInput& input) {
     SeedJob job;
     job.origin = next_origin();
     job.input = input;

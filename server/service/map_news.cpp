@@ -83,7 +83,7 @@ void MapNews::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& e
   auto& told = client.cameras_told[{map, version.camera}];
   if (told == now) return;
   const CameraParameters& parameters = estimate.camera->parameters();
-  const Status written = clients_.tell(
+  const Status written = clients_.try_to_tell(
       client, wire::CameraEstimate{version.client, version.camera, map, epoch, version.version, parameters,
                                    sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
                                    estimate.frozen, estimate.cannot_be_known});

@@ -22,7 +22,7 @@ Enum known_or(uint8_t number, Enum otherwise) {
 }
 
 std::string fitting_reason(const DecisionRecord& decision) {
-  return cut_text(one_line(decision.reason), wire::kMaxReasonBytes);
+  return std::string(cut_text(one_line(decision.reason), wire::kMaxReasonBytes));
 }
 
 wire::OfferOutcome outcome_of(const DecisionRecord& decision, const KeptDecisions& map) {

@@ -33,9 +33,9 @@ class ServiceOutput {
   virtual ~ServiceOutput() = default;
 
   /// To a client that is connected. Error: it could not be written, and is lost.
-  virtual Status tell(const std::string& client, const ClientEvent& event) = 0;
+  [[nodiscard]] virtual Status tell(const std::string& client, const ClientEvent& event) = 0;
   /// To an operator, once more where he asks again.
-  virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
+  [[nodiscard]] virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
 
   /// A map has another revision, its first perhaps: for all that follow it (MapService::follow()).
   virtual void revised(MapId map, const MapSnapshotPtr& newest) = 0;

@@ -40,7 +40,7 @@ class Sessions {
   /// The client is not there any more.
   void left(const std::string& name);
   /// The process that holds the name now is not served any more; another may come. Error kNotFound.
-  Status kick(const std::string& name);
+  [[nodiscard]] Status kick(const std::string& name);
 
   /// Clients that are heard.
   [[nodiscard]] int live_count(MonotonicTime now) const { return presence_.live_count(now); }

@@ -31,7 +31,7 @@ class Transfers {
   [[nodiscard]] Result<std::string> begin_export(MonotonicTime now);
   /// An empty file under the operator's token; one that is there already is begun anew. Errors: kUsage (not a
   /// token), kRefused, kIo.
-  Status begin_import(const std::string& token, MonotonicTime now);
+  [[nodiscard]] Status begin_import(const std::string& token, MonotonicTime now);
 
   /// At most `most` bytes from an offset on; empty beyond the end. Once its last byte has been read, the
   /// transfer is over. Error kNotFound.
@@ -39,7 +39,8 @@ class Transfers {
                                                   MonotonicTime now);
   /// Writes at an offset, so a piece that comes twice does no harm. Errors: kNotFound, kRefused (too large),
   /// kIo, which ends the transfer.
-  Status write(const std::string& token, uint64_t offset, std::span<const uint8_t> data, MonotonicTime now);
+  [[nodiscard]] Status write(const std::string& token, uint64_t offset, std::span<const uint8_t> data,
+                             MonotonicTime now);
 
   /// The file of a transfer that is under way. Error kNotFound.
   [[nodiscard]] Result<std::filesystem::path> find(const std::string& token, MonotonicTime now);

@@ -39,16 +39,16 @@ class BackupWriter {
   /// Readable by its owner only. Errors: kRefused (there is such a file), kIo.
   [[nodiscard]] static Result<BackupWriter> create(const std::filesystem::path& path);
   /// A copy of a file. Error kIo, of either.
-  Status add(const std::string& name, const std::filesystem::path& file);
+  [[nodiscard]] Status add(const std::string& name, const std::filesystem::path& file);
   /// Durable on return; without, it is no backup. Errors: as check_is_all(), kIo.
-  Status finish(Timestamp made, const std::string& version);
+  [[nodiscard]] Status finish(Timestamp made, const std::string& version);
   [[nodiscard]] const BackupContent& content() const { return content_; }
 
  private:
   explicit BackupWriter(std::filesystem::path path) : path_(std::move(path)) {}
-  Status put(const char* bytes, size_t count);
-  Status put_header(const std::string& name, uint64_t bytes);
-  Status pad(uint64_t bytes);
+  [[nodiscard]] Status put(const char* bytes, size_t count);
+  [[nodiscard]] Status put_header(const std::string& name, uint64_t bytes);
+  [[nodiscard]] Status pad(uint64_t bytes);
 
   std::filesystem::path path_;
   std::ofstream out_;

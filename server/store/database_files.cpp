@@ -91,6 +91,10 @@ Status remove_database(const fs::path& path) {
   return {};
 }
 
+void discard_database(const fs::path& path) {
+  (void)remove_database(path);
+}
+
 Status copy_bytes(const fs::path& from, const fs::path& to) {
   const Descriptor in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
   if (in.number < 0) return io_failure(from, std::string("cannot be read: ") + std::strerror(errno));

@@ -32,7 +32,9 @@ void sync_folder(const std::filesystem::path& folder);
 [[nodiscard]] Status move_database(const std::filesystem::path& from, const std::filesystem::path& to);
 
 /// With its companions; that there is none is no error. Error kIo, after which all of it is there still.
-Status remove_database(const std::filesystem::path& path);
+[[nodiscard]] Status remove_database(const std::filesystem::path& path);
+/// Likewise, where the caller has something worse to tell. What stays is removed before the next file is made there.
+void discard_database(const std::filesystem::path& path);
 
 /// The bytes of a file. Errors kIo, with the system's reason; what was written stays.
 [[nodiscard]] Status copy_bytes(const std::filesystem::path& from, const std::filesystem::path& to);

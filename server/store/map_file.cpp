@@ -385,7 +385,7 @@ Status MapFile::copy_to(const std::filesystem::path& path) {
 }
 
 void MapFile::tidy() {
-  if (database_.log_pages() > kLongLog) (void)write_back();
+  if (database_.log_pages() > kLongLog) (void)write_back();  // nothing is lost; the next time comes
 }
 
 // ---- reading

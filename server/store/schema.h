@@ -28,6 +28,6 @@ struct Schema {
 /// Error kDamaged.
 [[nodiscard]] Status check_schema(sqlite::Database* database, const Schema& schema, int version);
 /// Brings an open file, within a transaction of the caller's, from `version` to `target`.
-Status migrate(sqlite::Database* database, const Schema& schema, int version, int target);
+[[nodiscard]] Status migrate(sqlite::Database* database, const Schema& schema, int version, int target);
 
 }  // namespace cairn

@@ -47,15 +47,15 @@ class SiteFile {
   /// The text that was kept last; nothing when none ever was. Error kDamaged: it is not what was written.
   [[nodiscard]] Result<std::optional<std::string>> rights();
   /// Durable with the entry that says who changed it and how, or not at all.
-  Status keep_rights(std::string_view text, const AuditEntry& entry);
+  [[nodiscard]] Status keep_rights(std::string_view text, const AuditEntry& entry);
 
   /// Since when only who has keys takes part; nothing: it is an open site. Error kDamaged, as of rights().
   [[nodiscard]] Result<std::optional<Timestamp>> secured_since();
   /// Secured from `entry.time` on, with these rights: durable with the entry, or not at all.
-  Status keep_secured(std::string_view rights, const AuditEntry& entry);
+  [[nodiscard]] Status keep_secured(std::string_view rights, const AuditEntry& entry);
 
   /// Durable on return.
-  Status append(std::span<const AuditEntry> entries);
+  [[nodiscard]] Status append(std::span<const AuditEntry> entries);
   /// The newest first.
   [[nodiscard]] Result<std::vector<AuditEntry>> find(const AuditQuery& query);
   /// Removes the oldest, but for so many; how many there were.
@@ -64,8 +64,8 @@ class SiteFile {
  private:
   explicit SiteFile(sqlite::Database database) : database_(std::move(database)) {}
   [[nodiscard]] Result<std::optional<std::string>> text_in(const char* table);
-  Status put(const char* table, std::string_view text);
-  Status insert(std::span<const AuditEntry> entries);
+  [[nodiscard]] Status put(const char* table, std::string_view text);
+  [[nodiscard]] Status insert(std::span<const AuditEntry> entries);
 
   sqlite::Database database_;
 };

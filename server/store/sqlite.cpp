@@ -247,6 +247,7 @@ Result<Reading> Reading::begin(Database* database) {
 }
 
 Reading::~Reading() {
+  // Nothing was written; who cannot end a reading meets that at the next one.
   if (database_ != nullptr) (void)database_->execute("ROLLBACK");
 }
 

@@ -27,7 +27,7 @@ class Statement {
   /// To the next row: true; to the end: false.
   [[nodiscard]] Result<bool> step();
   /// step() of a statement without rows, then reset().
-  Status run();
+  [[nodiscard]] Status run();
   void reset();
 
   [[nodiscard]] int64_t integer(int column) const;
@@ -60,16 +60,16 @@ class Database {
   [[nodiscard]] static Result<Database> open(const std::filesystem::path& path, OpenMode mode);
 
   /// One or more statements without results.
-  Status execute(const std::string& sql);
+  [[nodiscard]] Status execute(const std::string& sql);
   [[nodiscard]] Result<Statement> prepare(std::string_view sql);
   /// The single number that a query gives.
   [[nodiscard]] Result<int64_t> number(std::string_view sql);
 
   /// Writes what has been committed from the log to the file, durably. Error kIo: not all of it, which is no
   /// loss: it stays in the log.
-  Status checkpoint();
+  [[nodiscard]] Status checkpoint();
   /// A copy in one file, consistent and compact. `path` must not exist. Error kIo, with that name and why.
-  Status copy_to(const std::filesystem::path& path);
+  [[nodiscard]] Status copy_to(const std::filesystem::path& path);
   /// Pages in the log since it was last written back.
   [[nodiscard]] int log_pages() const;
 
@@ -107,7 +107,7 @@ class Transaction {
   Transaction(Transaction&& other) noexcept : database_(std::exchange(other.database_, nullptr)) {}
   Transaction& operator=(Transaction&&) = delete;
   ~Transaction();
-  Status commit();
+  [[nodiscard]] Status commit();
 
  private:
   explicit Transaction(Database* database) : database_(database) {}

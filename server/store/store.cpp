@@ -57,15 +57,15 @@ bool is_half_made(const fs::path& path) {
 /// A map's file, durable and whole in one file, or nothing.
 Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate& content,
                  MapFile* images = nullptr, const KeyframeIds& now = {}) {
-  remove_database(path);
   const auto make = [&]() -> Status {
+    if (Status removed = remove_database(path); !removed) return removed;
     auto file = MapFile::create(path, header, content);
     if (!file) return tl::unexpected(file.error());
     const Status taken = images != nullptr ? file->take_images(images, now) : Status();
     return taken ? file->write_back() : taken;
   };
   Status made = make();
-  if (!made) remove_database(path);
+  if (!made) discard_database(path);
   return made;
 }
 
@@ -375,7 +375,7 @@ Status Store::make(const MapHeader& header, const MapUpdate& whole, MapFile* ima
   const fs::path fresh = fresh_path_of(header.id);
   if (Status made = make_file(fresh, header, whole, images); !made) return made;
   Status moved = put_in_place(fresh, path_of(header.id));
-  if (!moved) remove_database(fresh);
+  if (!moved) discard_database(fresh);
   return moved;
 }
 
@@ -512,7 +512,7 @@ Status Store::prepare_rewrite(const MapHeader& header, const MapUpdate& whole, M
   Status done = show(fresh, accept);
   // From here on it is whole.
   if (done) done = move_database(fresh, saved_path_of(header.id));
-  if (!done) remove_database(fresh);
+  if (!done) discard_database(fresh);
   return done;
 }
 
@@ -528,7 +528,7 @@ Status Store::show(const fs::path& path, const AcceptState& accept) {
 /// Where the server ends between the two, the next start puts the new one in its place.
 Status Store::finish_rewrite(MapId map) const {
   if (Status removed = remove_database(path_of(map)); !removed) {
-    remove_database(saved_path_of(map));
+    discard_database(saved_path_of(map));
     return removed;
   }
   return put_in_place(saved_path_of(map), path_of(map));

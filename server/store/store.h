@@ -99,19 +99,20 @@ class Store {
   [[nodiscard]] Result<StoredMap> load(MapId map);
 
   /// Adds a map. Error kRefused when its id is in use; nothing that is there is overwritten.
-  Status create(const MapHeader& header, const MapUpdate& whole);
+  [[nodiscard]] Status create(const MapHeader& header, const MapUpdate& whole);
   /// As MapFile::write().
-  Status write(MapId map, std::span<const MapUpdate> updates);
-  Status rename(MapId map, const std::string& name);
+  [[nodiscard]] Status write(MapId map, std::span<const MapUpdate> updates);
+  [[nodiscard]] Status rename(MapId map, const std::string& name);
   /// As MapFile's.
-  Status tag(MapId map, MapTag tag);
+  [[nodiscard]] Status tag(MapId map, MapTag tag);
   [[nodiscard]] Result<std::vector<MapTag>> tags(MapId map);
-  Status untag(MapId map, const std::string& name);
+  [[nodiscard]] Status untag(MapId map, const std::string& name);
   [[nodiscard]] Result<MapTag> find_tag(MapId map, const std::string& name);
   /// As MapFile::roll_back(), in an epoch as of load(). `before` is called before-rollback-N. Over a
   /// connection of its own, beside the thread that writes other maps: after let_go(), and nobody writes this
   /// map.
-  Status roll_back(MapId map, const std::string& name, MapTag before, const AcceptState& accept);
+  [[nodiscard]] Status roll_back(MapId map, const std::string& name, MapTag before,
+                                 const AcceptState& accept);
   /// Says in the log which proposals could not be read of a map that goes on without them.
   void note_lost_proposals(MapId map, const StoredMap& read) const;
   /// Another connection is about to change the map's file, or has done so: it is opened anew when it is
@@ -124,21 +125,21 @@ class Store {
   [[nodiscard]] Result<KeptProposal> read_proposal(MapId map, uint64_t number);
   /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place. An error leaves
   /// it where it was.
-  Status remove(MapId map);
-  Status undelete(MapId map);
+  [[nodiscard]] Status remove(MapId map);
+  [[nodiscard]] Status undelete(MapId map);
   /// Removes a deleted map for good. Idempotent. An error leaves it as it was.
-  Status purge(MapId map);
+  [[nodiscard]] Status purge(MapId map);
   /// Take undelete() and import_map() back, when the map cannot be served after all.
-  Status undo_undelete(MapId map);
-  Status undo_import(MapId map);
+  [[nodiscard]] Status undo_undelete(MapId map);
+  [[nodiscard]] Status undo_import(MapId map);
 
   /// Which maps have a place in common, as was last kept before this start; of deleted maps, too.
   [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
   /// In place of all that was kept before.
-  Status keep_overlaps(std::span<const OverlapRecord> overlaps) const;
+  [[nodiscard]] Status keep_overlaps(std::span<const OverlapRecord> overlaps) const;
 
   /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
-  Status probe() const;
+  [[nodiscard]] Status probe() const;
 
   /// Takes a map that cannot be used, or a copy of it, out of the way, with its name, as far as it is known,
   /// and the reasons beside it; the error or the path under which it is kept.
@@ -150,7 +151,7 @@ class Store {
 
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
   /// not while it is removed. `path` must not exist. What was proposed to the map stays here.
-  Status export_map(MapId map, const std::filesystem::path& path) const;
+  [[nodiscard]] Status export_map(MapId map, const std::filesystem::path& path) const;
   /// As MapFile::contributions().
   [[nodiscard]] Result<std::vector<Contribution>> contributions(MapId map);
   /// A map's file with other content, without tags, in two steps: whole beside the map, in an epoch as of
@@ -162,7 +163,7 @@ class Store {
   [[nodiscard]] Status finish_rewrite(MapId map) const;
   /// A map of its own that is like another, without its tags and decisions, under an id that is free. Over a
   /// connection of its own, as export_map().
-  Status copy_map(MapId map, MapId copy, const std::string& name) const;
+  [[nodiscard]] Status copy_map(MapId map, MapId copy, const std::string& name) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. Its images are
   /// decoded one after another. kRefused when the id is in use (it says by which file) or the images take
   /// more than `most_image_bytes` as decoded, kDamaged when anything in it is damaged; what it says of the
@@ -190,7 +191,7 @@ class Store {
   /// (there is one), kIo.
   [[nodiscard]] Status put_in_place(const std::filesystem::path& from, const std::filesystem::path& to) const;
   [[nodiscard]] Status finish_replacements();
-  Status open_catalogue();
+  [[nodiscard]] Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
   /// The epoch in which a map is to be served whose file says that it was last served in another.
   [[nodiscard]] Result<Epoch> next_epoch(MapId map, Epoch last_of_file);

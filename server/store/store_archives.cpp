@@ -47,9 +47,10 @@ Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
 
 Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_bytes) const {
   const fs::path copy = folder_ / "incoming";
-  remove_database(copy);
-  if (Status copied = copy_bytes(archive, copy); !copied) {
-    remove_database(copy);
+  Status copied = remove_database(copy);
+  if (copied) copied = copy_bytes(archive, copy);
+  if (!copied) {
+    discard_database(copy);
     return fail(ErrorCode::kIo, "it cannot be copied into the store: " + copied.error().message +
                                     "; free space there, or see to owner and mount");
   }
@@ -58,7 +59,7 @@ Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_byt
     auto file = MapFile::open(copy, FileOrigin::kElsewhere);
     taken = file ? take_in(&*file, most_image_bytes) : tl::unexpected(file.error());
   }
-  remove_database(copy);
+  discard_database(copy);
   if (!taken) return fail(taken.error().code, without_path(taken.error().message, copy));
   return taken;
 }

@@ -18,8 +18,8 @@ struct KeptMap {
 };
 
 /// As folder/NAME.cairn, a map file, and folder/NAME.txt, a trajectory; what is there is replaced.
-Status keep_map(const std::filesystem::path& folder, const std::string& name, const MapId& map,
-                const MapRecord& record, const std::vector<StampedPose>& poses);
+[[nodiscard]] Status keep_map(const std::filesystem::path& folder, const std::string& name, const MapId& map,
+                              const MapRecord& record, const std::vector<StampedPose>& poses);
 
 /// kNotFound: it was never kept there.
 [[nodiscard]] Result<KeptMap> read_kept_map(const std::filesystem::path& folder, const std::string& name,

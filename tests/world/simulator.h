@@ -44,7 +44,7 @@ struct SimulatorOptions {
 
   /// Sets an option from its name and text, as in `sim:desk?seed=2&noise=3`. kUsage names the option and what
   /// it takes.
-  Status set_option(std::string_view key, std::string_view value);
+  [[nodiscard]] Status set_option(std::string_view key, std::string_view value);
   struct Help {
     std::string_view key;
     std::string_view text;

@@ -24,7 +24,7 @@ inline const auto kNever = [] { return false; };
 class Images final : public FrameSource {
  public:
   explicit Images(std::vector<GrayImagePtr> images) : images_(std::move(images)) {}
-  Result<std::optional<Frame>> next() override {
+  [[nodiscard]] Result<std::optional<Frame>> next() override {
     if (next_ == images_.size()) return std::nullopt;
     const Frame frame{next_, {static_cast<int64_t>(next_) * 1'000'000'000}, images_[next_]};
     ++next_;

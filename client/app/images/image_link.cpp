@@ -84,6 +84,7 @@ void ImageLink::close() {
   waiter_.wake();
   thread_.join();
   tell_demand(steady_clock::now(), {});
+  // Who is not told sees that this camera is heard no more.
   (void)requests_.write({options_.name, {}});
   (void)own_.dispose({options_.name});
 }
@@ -175,7 +176,7 @@ void ImageLink::ask() {
     const std::lock_guard lock(mutex_);
     request = choice_.request(steady_clock::now());
   }
-  if (request) (void)requests_.write(*request);
+  if (request) (void)requests_.write(*request);  // it is said again and again
 }
 
 /// The camera's image without the status lines: those who get it have room for their own.

@@ -38,8 +38,8 @@ class InProcess : public ServiceOutput {
   void want(const std::string& client, MapId map);
   void want_no_more(const std::string& client, MapId map);
 
-  Status tell(const std::string& client, const ClientEvent& event) override;
-  Status answer(const std::string& operator_name, const wire::AdminReply& reply) override;
+  [[nodiscard]] Status tell(const std::string& client, const ClientEvent& event) override;
+  [[nodiscard]] Status answer(const std::string& operator_name, const wire::AdminReply& reply) override;
   void revised(MapId map, const MapSnapshotPtr& newest) override;
   void labelled(const wire::LabelMessage& label) override;
   void label_removed(MapId map, LabelId label) override;

@@ -23,7 +23,7 @@ inline constexpr const char* kOperator = "olga";
 
 /// As a peer has it.
 template <typename Message>
-Result<Message> by_wire(const Message& message) {
+[[nodiscard]] Result<Message> by_wire(const Message& message) {
   wire::internal::Scratch scratch;
   return wire::internal::decode<Message>(wire::internal::encode(message, &scratch));
 }
