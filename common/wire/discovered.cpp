@@ -5,28 +5,18 @@
 
 #include "common/base/utf8.h"
 #include "common/wire/internal/endpoint.h"
+#include "common/wire/internal/qos.h"
 
 namespace cairn::wire {
 namespace {
 
 constexpr size_t kMostBytes = 60;  ///< of each thing that a participant says of itself
 
-std::vector<std::string> partitions_of(const dds_qos_t* qos) {
-  uint32_t count = 0;
-  char** names = nullptr;
-  if (!dds_qget_partition(qos, &count, &names)) return {};
-  std::vector<std::string> partitions(names, names + count);
-  for (uint32_t i = 0; i < count; ++i) dds_free(names[i]);
-  dds_free(static_cast<void*>(names));
-  return partitions;
-}
-
 std::string property_of(const dds_qos_t* qos, const char* name) {
   char* value = nullptr;
   if (!dds_qget_prop(qos, name, &value) || value == nullptr) return {};
-  std::string text(cut_text(one_line(value), kMostBytes));
-  dds_free(value);
-  return text;
+  const internal::DdsPtr<char> owned(value);
+  return std::string(cut_text(one_line(value), kMostBytes));
 }
 
 std::string words_of(const dds_qos_t* qos) {
@@ -51,7 +41,8 @@ struct BuiltIn<DiscoveredReader> {
     return reader.participant_instance_handle;
   }
   static DiscoveredReader read(const Sample& reader, uint64_t handle) {
-    return {handle, reader.topic_name, partitions_of(reader.qos), false, reader.participant_instance_handle};
+    return {handle, reader.topic_name, internal::partitions_of(reader.qos), false,
+            reader.participant_instance_handle};
   }
 };
 

@@ -5,6 +5,7 @@
 #include <array>
 
 #include "common/wire/internal/configuration.h"
+#include "common/wire/internal/qos.h"
 
 namespace cairn::wire::internal {
 namespace {
@@ -165,15 +166,8 @@ int ReaderEntity::alive_writers() const {
 std::optional<std::string> ReaderEntity::partition_of(dds_instance_handle_t publication) const {
   const EndpointPtr endpoint = matched_publication(reader_.handle(), publication);
   if (endpoint == nullptr) return std::nullopt;
-  std::optional<std::string> partition;
-  uint32_t count = 0;
-  char** names = nullptr;
-  if (dds_qget_partition(endpoint->qos, &count, &names)) {
-    if (count == 1) partition = names[0];
-    for (uint32_t i = 0; i < count; ++i) dds_free(names[i]);
-    dds_free(static_cast<void*>(names));
-  }
-  return partition;
+  const std::vector<std::string> partitions = partitions_of(endpoint->qos);
+  return partitions.size() == 1 ? std::optional(partitions.front()) : std::nullopt;
 }
 
 std::optional<dds_guid_t> ReaderEntity::participant_of(dds_instance_handle_t publication) const {

@@ -85,4 +85,16 @@ QosPtr partition_qos(const std::string& partition) {
   return qos;
 }
 
+std::vector<std::string> partitions_of(const dds_qos_t* qos) {
+  uint32_t count = 0;
+  char** names = nullptr;
+  if (!dds_qget_partition(qos, &count, &names)) return {};
+  const auto free_names = [count](char** all) {
+    for (uint32_t i = 0; i < count; ++i) dds_free(all[i]);
+    dds_free(static_cast<void*>(all));
+  };
+  const std::unique_ptr<char*, decltype(free_names)> owned(names, free_names);
+  return {names, names + count};
+}
+
 }  // namespace cairn::wire::internal

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "common/wire/internal/entity.h"
 
@@ -30,5 +31,6 @@ constexpr int32_t kCommandDepth = 32;
 [[nodiscard]] QosPtr reader_qos(QosClass qos_class);
 /// For publishers and subscribers.
 [[nodiscard]] QosPtr partition_qos(const std::string& partition);
+[[nodiscard]] std::vector<std::string> partitions_of(const dds_qos_t* qos);
 
 }  // namespace cairn::wire::internal
