@@ -2,6 +2,7 @@
 #include "client/app/overlay.h"
 
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <random>
+#include <sstream>
 
 #include "client/app/test_doubles.h"
 #include "client/app/video_writer.h"
@@ -319,6 +321,31 @@ TEST_F(VideoTest, AFileThatCouldNotBeWrittenToItsEndIsTold) {
     ASSERT_FALSE(status) << name;
     EXPECT_EQ(status.error().code, ErrorCode::kIo);
     EXPECT_NE(status.error().message.find(name), std::string::npos) << status.error().message;
+  }
+  (void)std::signal(SIGXFSZ, handler);
+}
+
+TEST_F(VideoTest, AFileThatGrowsNoMoreIsToldOnceWhileTheRunGoesOn) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  for (const bool is_full : {true, false}) {
+    std::ostringstream said;
+    const auto log =
+        std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said));
+    auto writer = VideoWriter::open(
+        directory_ / "full.avi", camera_, VideoWriter::WhenBehind::kWait, [] { return false; }, log);
+    ASSERT_TRUE(writer);
+    const rlimit small{100'000, before.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, is_full ? &small : &before), 0);
+    for (int i = 0; i < 70; ++i) (*writer)->push(noise_frame(*camera_, 1000 * i));  // 70 s
+    const auto status = (*writer)->finish();
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+    EXPECT_EQ(status.has_value(), !is_full);
+    const std::string words = said.str();
+    const size_t first = words.find("full.avi: does not grow any more");
+    EXPECT_EQ(first != std::string::npos, is_full) << words;
+    EXPECT_EQ(words.find("does not grow", first == std::string::npos ? 0 : first + 15), std::string::npos);
   }
   (void)std::signal(SIGXFSZ, handler);
 }

@@ -64,7 +64,7 @@ Result<RunOutputs> RunOutputs::open(const TrackOptions& options, const CameraPtr
   if (options.video) {
     const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropImages
                                                              : VideoWriter::WhenBehind::kWait;
-    auto video = VideoWriter::open(*options.video, camera, when_behind, stop_requested);
+    auto video = VideoWriter::open(*options.video, camera, when_behind, stop_requested, log);
     if (!video) return tl::unexpected(video.error());
     outputs.video_ = std::move(*video);
   }

@@ -19,7 +19,9 @@ constexpr size_t kQueueFrames = 16;
 constexpr std::chrono::milliseconds kSlice(100);  ///< how long a request to stop may go unheard
 constexpr size_t kFramesForRate = 8;              ///< the rate is taken from the stamps of so many frames
 constexpr double kDefaultRate = 30;               ///< [Hz] for a single frame
-constexpr double kLongestStill = 2;               ///< [s] a longer gap of the stamps is a cut, not a pause
+/// [s] The muxers hold back 5 s at most, and 32 kB, which the whole images among 12 alone fill in less.
+constexpr double kLongestStandstill = 20;
+constexpr double kLongestStill = 2;  ///< [s] a longer gap of the stamps is a cut, not a pause
 
 struct Codec {
   const char* ending;
@@ -67,20 +69,22 @@ Status VideoWriter::check_path(const std::filesystem::path& path) {
 }
 
 Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::path& path, CameraPtr camera,
-                                                       WhenBehind when_behind, StopRequested stop_requested) {
+                                                       WhenBehind when_behind, StopRequested stop_requested,
+                                                       Logger log) {
   if (auto status = check_path(path); !status) return tl::unexpected(status.error());
   if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
     return fail(ErrorCode::kIo, cannot_be_written(path));
   }
-  return std::unique_ptr<VideoWriter>(
-      new VideoWriter(path, std::move(camera), when_behind, std::move(stop_requested)));  // NOLINT: private
+  return std::unique_ptr<VideoWriter>(new VideoWriter(
+      path, std::move(camera), when_behind, std::move(stop_requested), std::move(log)));  // NOLINT: private
 }
 
 VideoWriter::VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind,
-                         StopRequested stop_requested)
+                         StopRequested stop_requested, Logger log)
     : path_(std::move(path)),
       when_behind_(when_behind),
       stop_requested_(std::move(stop_requested)),
+      log_(std::move(log)),
       overlay_(std::move(camera)),
       thread_([this] { run(); }) {}
 
@@ -194,6 +198,17 @@ void VideoWriter::write(const OverlayFrame& frame) {
   image_ = overlay_.draw(frame);
   file_.write(image_);
   ++images_written_;
+  watch_growth();
+}
+
+/// OpenCV does not say when an image could not be written; a file that grows no more does.
+void VideoWriter::watch_growth() {
+  std::error_code unknown;
+  const uintmax_t bytes = std::filesystem::file_size(path_, unknown);
+  if (std::exchange(bytes_, bytes) != bytes) images_at_growth_ = images_written_;
+  const double still = static_cast<double>(images_written_ - images_at_growth_) / frame_rate_;
+  if (still < kLongestStandstill || std::exchange(standstill_told_, true)) return;
+  log_->error("{}: does not grow any more; is the disk full? going on", path_.string());
 }
 
 }  // namespace cairn

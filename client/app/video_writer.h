@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "client/app/overlay.h"
+#include "common/base/log.h"
 #include "common/base/result.h"
 
 namespace cairn {
@@ -33,10 +34,11 @@ class VideoWriter final : public FrameObserver {
   /// Whether files of such a name (.mp4, .avi, .mkv) are written, and it is no pipe or device. Error: kUsage.
   [[nodiscard]] static Status check_path(const std::filesystem::path& path);
   /// Checks the ending and that the file can be written; `stop_requested` is asked wherever push() or
-  /// finish() wait. Errors: kUsage (also where `path` is no regular file: an encoder goes back in it), kIo.
+  /// finish() wait. `log` is told once when the file grows no more: a camera may run for hours after its disk
+  /// is full. Errors: kUsage (also where `path` is no regular file: an encoder goes back in it), kIo.
   [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(
       const std::filesystem::path& path, CameraPtr camera, WhenBehind when_behind,
-      StopRequested stop_requested = [] { return false; });
+      StopRequested stop_requested = [] { return false; }, Logger log = null_logger());
   /// As finish(), without a report.
   ~VideoWriter() override;
   VideoWriter(const VideoWriter&) = delete;
@@ -53,17 +55,19 @@ class VideoWriter final : public FrameObserver {
 
  private:
   VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind,
-              StopRequested stop_requested);
+              StopRequested stop_requested, Logger log);
   void run();
   [[nodiscard]] std::optional<OverlayFrame> next();
   void encode();
   [[nodiscard]] Status open_file();
   [[nodiscard]] Status check_file() const;
   void write(const OverlayFrame& frame);
+  void watch_growth();
 
   const std::filesystem::path path_;
   const WhenBehind when_behind_;
   const StopRequested stop_requested_;
+  const Logger log_;
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -81,6 +85,9 @@ class VideoWriter final : public FrameObserver {
   double frame_rate_ = 0;
   Timestamp start_;
   int64_t images_written_ = 0;
+  uintmax_t bytes_ = 0;           ///< of the file, when it was looked at last
+  int64_t images_at_growth_ = 0;  ///< written when it was last seen to have grown
+  bool standstill_told_ = false;
   std::thread thread_;  ///< last: it uses all the above
 };
 
