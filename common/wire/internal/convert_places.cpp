@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Conversion of relocalization queries and their answers.
+#include <numeric>
+
 #include "common/image/pyramid.h"
 #include "common/wire/internal/convert_common.h"
 
@@ -7,6 +9,7 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr uint32_t kMaxSmallSide = kMaxImageSide >> (kPyramidLevels - 1);
+static_assert(std::accumulate(kPlaceCorners.begin(), kPlaceCorners.end(), size_t{0}) <= kMaxPlaceCorners);
 
 }  // namespace
 
