@@ -33,7 +33,8 @@ void sync_folder(const std::filesystem::path& folder);
 
 /// With its companions; that there is none is no error. Error kIo, after which all of it is there still.
 [[nodiscard]] Status remove_database(const std::filesystem::path& path);
-/// Likewise, where the caller has something worse to tell. What stays is removed before the next file is made there.
+/// Likewise, where the caller has something worse to tell. What stays is removed before the next file is made
+/// there.
 void discard_database(const std::filesystem::path& path);
 
 /// The bytes of a file. Errors kIo, with the system's reason; what was written stays.
