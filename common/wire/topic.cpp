@@ -6,6 +6,7 @@
 #include "common/wire/discovered.h"
 #include "common/wire/internal/convert.h"
 #include "common/wire/internal/endpoint.h"
+#include "common/wire/serialized_writer.h"
 
 namespace cairn::wire {
 namespace {
@@ -92,6 +93,45 @@ int Writer<Message>::matched() const {
   return entity_->matched();
 }
 
+// ---- SerializedWriter
+
+template <typename Message>
+Result<SerializedWriter<Message>> SerializedWriter<Message>::create(const Participant& participant,
+                                                                    std::string_view partition) {
+  auto entity = internal::WriterEntity::create(participant.context(), topic_of<Message>(), partition);
+  if (!entity) return tl::unexpected(entity.error());
+  return SerializedWriter(*std::move(entity));
+}
+
+template <typename Message>
+SerializedWriter<Message>::SerializedWriter(std::unique_ptr<internal::WriterEntity> entity)
+    : entity_(std::move(entity)) {}
+template <typename Message>
+SerializedWriter<Message>::SerializedWriter(SerializedWriter&&) noexcept = default;
+template <typename Message>
+SerializedWriter<Message>& SerializedWriter<Message>::operator=(SerializedWriter&&) noexcept = default;
+template <typename Message>
+SerializedWriter<Message>::~SerializedWriter() = default;
+
+template <typename Message>
+Result<Serialized<Message>> SerializedWriter<Message>::serialize(const Message& message) const {
+  internal::Scratch scratch;
+  const auto sample = internal::encode(message, &scratch);
+  auto serialized = entity_->serialize(&sample, internal::payload_bytes<Message>(sample));
+  if (!serialized) return tl::unexpected(serialized.error());
+  return Serialized<Message>{*std::move(serialized)};
+}
+
+template <typename Message>
+Status SerializedWriter<Message>::write(const Serialized<Message>& message) {
+  return entity_->write(*message.sample);
+}
+
+template <typename Message>
+int SerializedWriter<Message>::matched() const {
+  return entity_->matched();
+}
+
 // ---- Reader
 
 ReaderBase::ReaderBase(std::unique_ptr<internal::ReaderEntity> entity) : entity_(std::move(entity)) {}
@@ -159,5 +199,9 @@ std::vector<Sample<Message>> Reader<Message>::take() {
   template class Reader<Message>;
 CAIRN_WIRE_MESSAGES(CAIRN_WIRE_INSTANTIATE)
 #undef CAIRN_WIRE_INSTANTIATE
+
+template class SerializedWriter<PointPatches>;
+template class SerializedWriter<PointPositions>;
+template class SerializedWriter<KeyframePoses>;
 
 }  // namespace cairn::wire

@@ -51,4 +51,12 @@ Status write(ClientWriters& writers, const ClientEvent& event) {
   return std::visit(Dispatch{writers}, event);
 }
 
+void note_author(const wire::OfferVerdict& verdict, ClientLink* link) {
+  for (const wire::OfferOutcome& outcome : verdict.recent) {
+    if (outcome.decision != wire::OfferDecision::kAccepted) continue;
+    if (const auto feed = link->feeds.find(outcome.map); feed != link->feeds.end())
+      feed->second.note_author();
+  }
+}
+
 }  // namespace cairn

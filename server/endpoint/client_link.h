@@ -40,4 +40,7 @@ struct ClientLink {
   std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
 };
 
+/// Whose keyframes are in a map is sent it before its readers.
+void note_author(const wire::OfferVerdict& verdict, ClientLink* link);
+
 }  // namespace cairn

@@ -270,9 +270,14 @@ void Endpoint::take_rigs() {
 
 void Endpoint::feed_clients() {
   const MonotonicTime now = clock_->now();
+  std::vector<FeedTurns<MapFeed>::Waiting> waiting;
   for (auto& [name, link] : links_) {
-    for (auto& [map, feed] : link.feeds) feed.work(now);
+    for (auto& [map, feed] : link.feeds) {
+      const auto due = feed.deadline();
+      if (due && *due <= now) waiting.push_back({name, map, feed.is_author(), &feed});
+    }
   }
+  turns_.take_turn(waiting, now);
 }
 
 void Endpoint::forget_gone_publications() {
@@ -375,7 +380,7 @@ void Endpoint::open_wanted_feeds(const std::string& name, ClientLink* link) {
     if (link->feed_failed_at && now - *link->feed_failed_at < kFeedRetry) return;
     link->feed_failed_at = now;
     if (link->feeds.size() >= kMaxFeeds) return log_->warn("{}: wants too many maps at once", name);
-    auto feed = MapFeed::create(participant_, name, map, log_);
+    auto feed = MapFeed::create(participant_, name, map, blocks_of(map), log_);
     if (!feed)
       return log_->error("{}: map {} cannot be sent: {}", name, followed->newest->name, feed.error().message);
     link->feed_failed_at.reset();
@@ -383,6 +388,13 @@ void Endpoint::open_wanted_feeds(const std::string& name, ClientLink* link) {
     for (const wire::LabelMessage& label : followed->labels) check(feed->show(label), "a label");
     link->feeds.emplace(map, std::move(*feed));
   }
+}
+
+std::shared_ptr<SerializedBlocks> Endpoint::blocks_of(MapId map) {
+  auto& known = blocks_[map];
+  auto blocks = known.lock();
+  if (blocks == nullptr) known = blocks = std::make_shared<SerializedBlocks>();
+  return blocks;
 }
 
 void Endpoint::check(const Status& written, const char* what) {
@@ -395,6 +407,7 @@ Status Endpoint::tell(const std::string& client, const ClientEvent& event) {
   if (link == links_.end()) return {};
   // Before it is said: what the client may not have, it is sent no more.
   if (const auto* gone = std::get_if<MapUnlisted>(&event)) link->second.feeds.erase(gone->map);
+  if (const auto* verdict = std::get_if<wire::OfferVerdict>(&event)) note_author(*verdict, &link->second);
   if (!link->second.writers) return {};
   const Status written = write(*link->second.writers, event);
   if (std::holds_alternative<wire::MapInfo>(event)) open_wanted_feeds(client, &link->second);
@@ -446,6 +459,7 @@ void Endpoint::label_removed(MapId map, LabelId label) {
 
 void Endpoint::ended(MapId map) {
   for (auto& [name, link] : links_) link.feeds.erase(map);
+  blocks_.erase(map);
 }
 
 }  // namespace cairn

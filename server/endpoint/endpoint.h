@@ -20,6 +20,7 @@
 #include "common/wire/waiter.h"
 #include "server/endpoint/client_link.h"
 #include "server/endpoint/doorkeeper.h"
+#include "server/endpoint/feed_turns.h"
 #include "server/endpoint/publications.h"
 #include "server/endpoint/service.h"
 #include "server/service/map_service.h"
@@ -95,6 +96,8 @@ class Endpoint : private ServiceOutput {
   /// Whether it is; then that goes on record, now and then.
   [[nodiscard]] bool turns_away(IdentityRole role, const Principal& who);
   void open_wanted_feeds(const std::string& name, ClientLink* link);
+  /// Of a map, for all who are sent it.
+  [[nodiscard]] std::shared_ptr<SerializedBlocks> blocks_of(MapId map);
   /// Null: the sample is not of the client that it claims to be of.
   template <typename Message>
   [[nodiscard]] const Publications::Publication* identify(Inlet<Message>* inlet,
@@ -119,6 +122,8 @@ class Endpoint : private ServiceOutput {
   Logger log_;
   Doorkeeper door_;
   std::map<std::string, ClientLink> links_;
+  std::map<MapId, std::weak_ptr<SerializedBlocks>> blocks_;  ///< there while somebody is sent the map
+  FeedTurns<MapFeed> turns_;
   OperatorWriters operators_;  ///< the one that was answered last in front
   MonotonicTime look_for_gone_at_;
   RateLimit identity_warning_{std::chrono::seconds(1)};

@@ -1,23 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/endpoint/map_feed.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "common/wire/partition.h"
 
 namespace cairn {
+namespace {
+
+template <typename Message, typename Block>
+Status write_once(wire::SerializedWriter<Message>& writer, NewestBlocks<Message>& known, const Burst& burst,
+                  const Block& block) {
+  const auto message = known.get(writer, burst.map, burst.epoch, block);
+  return message ? writer.write(*message) : tl::unexpected(message.error());
+}
+
+}  // namespace
 
 Result<MapFeed> MapFeed::create(const wire::Participant& participant, const std::string& client, MapId map,
-                                Logger log) {
+                                std::shared_ptr<SerializedBlocks> blocks, Logger log) {
   auto writers =
-      wire::create_all<wire::Writer<wire::PointPatches>, wire::Writer<wire::PointPositions>,
-                       wire::Writer<wire::KeyframePoses>, wire::Writer<wire::MapCommit>,
+      wire::create_all<wire::SerializedWriter<wire::PointPatches>,
+                       wire::SerializedWriter<wire::PointPositions>,
+                       wire::SerializedWriter<wire::KeyframePoses>, wire::Writer<wire::MapCommit>,
                        wire::Writer<wire::LabelMessage>>(participant, wire::map_partition(client, map));
   if (!writers) return tl::unexpected(writers.error());
   auto& [patches, positions, keyframes, commits, labels] = *writers;
   return MapFeed(
       {std::move(patches), std::move(positions), std::move(keyframes), std::move(commits), std::move(labels)},
-      std::move(log));
+      std::move(blocks), std::move(log));
 }
 
 Status MapFeed::hide(MapId map, LabelId label) {
@@ -31,16 +43,17 @@ std::optional<MonotonicTime> MapFeed::deadline() const {
   return progress_ ? MonotonicTime::min() : publisher_.deadline();
 }
 
-void MapFeed::work(MonotonicTime now) {
+size_t MapFeed::work(MonotonicTime now, size_t most_blocks) {
   if (!progress_) {
     std::optional<Burst> burst = publisher_.next(now);
-    if (!burst) return;
+    if (!burst) return 1;
     progress_ = Progress{std::move(*burst), 0};
   }
   const Burst& burst = progress_->burst;
   const size_t blocks = burst.keyframes.size() + burst.patches.size() + burst.positions.size();
   Status written;
-  for (size_t i = 0; written && i < kBlocksPerTurn && progress_->written < blocks; ++i) {
+  size_t count = 0;
+  for (; written && count < most_blocks && progress_->written < blocks; ++count) {
     written = write_block(burst, progress_->written++);
   }
   if (written && progress_->written == blocks) {
@@ -53,17 +66,18 @@ void MapFeed::work(MonotonicTime now) {
     progress_.reset();
     publisher_.failed(now);
   }
+  return std::max<size_t>(count, 1);
 }
 
 Status MapFeed::write_block(const Burst& burst, size_t index) {
   if (index < burst.keyframes.size()) {
-    return writers_.keyframes.write({burst.map, burst.epoch, *burst.keyframes[index]});
+    return write_once(writers_.keyframes, blocks_->keyframes, burst, *burst.keyframes[index]);
   }
   index -= burst.keyframes.size();
   if (index < burst.patches.size())
-    return writers_.patches.write({burst.map, burst.epoch, *burst.patches[index]});
+    return write_once(writers_.patches, blocks_->patches, burst, *burst.patches[index]);
   index -= burst.patches.size();
-  return writers_.positions.write({burst.map, burst.epoch, *burst.positions[index]});
+  return write_once(writers_.positions, blocks_->positions, burst, *burst.positions[index]);
 }
 
 }  // namespace cairn

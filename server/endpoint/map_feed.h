@@ -1,23 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "common/base/log.h"
 #include "common/wire/participant.h"
+#include "common/wire/serialized_writer.h"
 #include "common/wire/topic.h"
+#include "server/endpoint/serialized_blocks.h"
 #include "server/service/map_publisher.h"
 
 namespace cairn {
 
 /// One map on its way to one client: the writers in the client's partition for that map, behind a
-/// MapPublisher. A large burst is written in slices, so that one client's first map does not hold up the
-/// others. Used from one thread.
+/// MapPublisher. A large burst is written in slices (FeedTurns), so that one client's map holds up nobody.
+/// Used from one thread.
 class MapFeed {
  public:
   [[nodiscard]] static Result<MapFeed> create(const wire::Participant& participant, const std::string& client,
-                                              MapId map, Logger log);
+                                              MapId map, std::shared_ptr<SerializedBlocks> blocks,
+                                              Logger log);
 
   void update(MapSnapshotPtr newest) { publisher_.update(std::move(newest)); }
   void client_has(Epoch epoch, Revision revision) { publisher_.client_has(epoch, revision); }
@@ -26,18 +31,20 @@ class MapFeed {
   [[nodiscard]] Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
   [[nodiscard]] Status hide(MapId map, LabelId label);
 
-  /// Writes what is due, at most kBlocksPerTurn blocks of it.
-  void work(MonotonicTime now);
+  /// Writes what is due, at most so many blocks of it; how many, and at least one.
+  size_t work(MonotonicTime now, size_t most_blocks);
   /// When work() should be called next; nothing when there is nothing to send.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const;
 
- private:
-  static constexpr size_t kBlocksPerTurn = 8;  // some 360 kB: 150 ms on a link of 20 Mbit/s
+  /// A keyframe of the client has become part of the map.
+  void note_author() { is_author_ = true; }
+  [[nodiscard]] bool is_author() const { return is_author_; }
 
+ private:
   struct Writers {
-    wire::Writer<wire::PointPatches> patches;
-    wire::Writer<wire::PointPositions> positions;
-    wire::Writer<wire::KeyframePoses> keyframes;
+    wire::SerializedWriter<wire::PointPatches> patches;
+    wire::SerializedWriter<wire::PointPositions> positions;
+    wire::SerializedWriter<wire::KeyframePoses> keyframes;
     wire::Writer<wire::MapCommit> commits;
     wire::Writer<wire::LabelMessage> labels;
   };
@@ -45,13 +52,16 @@ class MapFeed {
     Burst burst;
     size_t written = 0;  ///< blocks, counted through keyframes, patches, positions
   };
-  MapFeed(Writers writers, Logger log) : writers_(std::move(writers)), log_(std::move(log)) {}
+  MapFeed(Writers writers, std::shared_ptr<SerializedBlocks> blocks, Logger log)
+      : writers_(std::move(writers)), blocks_(std::move(blocks)), log_(std::move(log)) {}
   [[nodiscard]] Status write_block(const Burst& burst, size_t index);
 
   Writers writers_;
+  std::shared_ptr<SerializedBlocks> blocks_;
   Logger log_;
   MapPublisher publisher_;
   std::optional<Progress> progress_;
+  bool is_author_ = false;
 };
 
 }  // namespace cairn

@@ -30,8 +30,8 @@ T made(Result<T> result) {
 class States {
  public:
   explicit States(size_t clients)
-      : participant_(made(wire::Participant::create(joining()))),
-        clients_(made(wire::Participant::create(joining()))),
+      : participant_(made(wire::Participant::create(joining(wire::Role::kServer)))),
+        clients_(made(wire::Participant::create(joining(wire::Role::kClient)))),
         inlet_{made(wire::Reader<wire::TrackerStateMessage>::create(participant_, wire::kEveryClient))} {
     for (size_t i = 0; i < clients; ++i) {
       const std::string name = "client-" + std::to_string(i);
@@ -67,9 +67,11 @@ class States {
 
  private:
   static constexpr int kMostRounds = 1000;
-  static wire::ParticipantOptions joining() {
+  /// Clients speak with the server of their domain only.
+  static wire::ParticipantOptions joining(wire::Role role) {
     wire::ParticipantOptions options;
-    options.domain = static_cast<uint32_t>(100 + getpid() % 100);
+    options.role = role;
+    options.domain = static_cast<uint32_t>(5 + getpid() % 95);  // ports below those that the kernel hands out
     return options;
   }
   wire::Participant participant_;

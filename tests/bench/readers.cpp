@@ -28,6 +28,7 @@ constexpr std::chrono::nanoseconds kFrame{33'333'333};
 struct Wish {
   int domain = 0;
   int count = 1;
+  int first = 1;     ///< number of the first of them
   int lasting = 30;  ///< seconds, from when all are served
   std::string map;   ///< its id; empty: idle
 };
@@ -39,7 +40,7 @@ Result<Readers> join(const Wish& wish, const CameraPtr& camera) {
   for (int i = 0; i < wish.count; ++i) {
     SessionOptions options;
     options.domain = wish.domain;
-    options.name = "reader-" + std::to_string(i + 1);
+    options.name = "reader-" + std::to_string(wish.first + i);
     options.reads_only = true;
     auto session = Session::open(options, camera, null_logger());
     if (!session) return tl::unexpected(session.error());
@@ -107,7 +108,10 @@ int run(int argc, char** argv) {
   Wish wish;
   CLI::App app("Many clients without cameras in one process: readers of a map, or idle ones.");
   app.add_option("--domain", wish.domain, "DDS domain")->capture_default_str();
-  app.add_option("--count", wish.count, "how many")->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--count", wish.count, "how many")->check(CLI::Range(1, 200))->capture_default_str();
+  app.add_option("--first", wish.first, "number of the first, where several processes share a server")
+      ->check(CLI::Range(1, 100'000))
+      ->capture_default_str();
   app.add_option("--seconds", wish.lasting, "for so long")->check(CLI::Range(1, 3600))->capture_default_str();
   app.add_option("--map", wish.map, "id of the map that they read; without it they are idle");
   CLI11_PARSE(app, argc, argv);

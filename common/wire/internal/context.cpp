@@ -9,6 +9,7 @@
 #include "common/base/utc.h"
 #include "common/wire/internal/configuration.h"
 #include "common/wire/internal/port_holder.h"
+#include "common/wire/internal/sertype.h"
 #include "common/wire/network_path.h"
 
 namespace cairn::wire::internal {
@@ -32,6 +33,9 @@ Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const st
     id = (first + i) % kMaxParticipants;
     created = dds_create_domain(id, configuration.c_str());
   }
+  if (created == DDS_RETCODE_PRECONDITION_NOT_MET)
+    return fail(ErrorCode::kConfiguration, "this process has " + std::to_string(kMaxParticipants) +
+                                               " DDS participants, the most that it may have");
   auto domain = checked(created, "DDS domain");
   if (!domain) return tl::unexpected(domain.error());
   return std::pair(*std::move(domain), id);
@@ -159,6 +163,18 @@ Result<dds_entity_t> Context::topic(const TopicDescription& description) {
   }
   topics_.emplace(description.name, created);
   return created;
+}
+
+Result<const ddsi_sertype*> Context::sertype(const char* topic, dds_entity_t writer) {
+  const std::lock_guard lock(mutex_);
+  if (const auto known = sertypes_.find(topic); known != sertypes_.end()) return known->second;
+  if (Status good = check_keys(); !good) return tl::unexpected(good.error());
+  const ddsi_sertype* type = cairn_wire_sertype(participant_, writer);
+  if (type == nullptr)
+    return fail(ErrorCode::kInternal,
+                std::string("topic ") + topic + ": the middleware does not tell how it is serialized");
+  sertypes_.emplace(topic, type);
+  return type;
 }
 
 void Context::report_unfit(const char* topic, const std::string& partition, const std::string& reason) {

@@ -36,6 +36,9 @@ class Context {
   /// Made when first asked for; lives as long as the context. Error kConfiguration: our keys have expired,
   /// and nothing more can be made here.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
+  /// By which the samples of a topic are serialized; lives as long as the context. `writer`: any of the topic
+  /// here. Errors as topic(); kInternal when the middleware does not tell it.
+  [[nodiscard]] Result<const ddsi_sertype*> sertype(const char* topic, dds_entity_t writer);
 
   /// Logs that samples of a topic are dropped, at most once a minute for each topic.
   void report_unfit(const char* topic, const std::string& partition, const std::string& reason);
@@ -60,6 +63,7 @@ class Context {
   dds_entity_t participant_ = 0;
   std::mutex mutex_;
   std::map<std::string, dds_entity_t, std::less<>> topics_;
+  std::map<std::string, const ddsi_sertype*, std::less<>> sertypes_;  ///< by topic
   struct Unfit {
     std::chrono::steady_clock::time_point logged_at;
     int passed_over = 0;  ///< since then

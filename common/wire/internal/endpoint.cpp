@@ -84,6 +84,34 @@ Status WriterEntity::write(const void* sample, size_t payload_bytes) {
   return {};
 }
 
+Result<std::shared_ptr<const SerializedSample>> WriterEntity::serialize(const void* sample,
+                                                                        size_t payload_bytes) const {
+  if (payload_bytes > kMaxSampleBytes) return tl::unexpected(too_large(topic_, payload_bytes));
+  const auto type = context_->sertype(topic_, writer_.handle());
+  if (!type) return tl::unexpected(type.error());
+  ddsi_serdata* data = ddsi_serdata_from_sample(*type, SDK_DATA, sample);
+  if (data == nullptr)
+    return tl::unexpected(endpoint_error("serializing", topic_, DDS_RETCODE_BAD_PARAMETER));
+  // Here and not by each write: what a writer was given may be on its way, in another thread.
+  data->statusinfo = 0;
+  data->timestamp.v = dds_time();
+  return std::make_shared<const SerializedSample>(context_, data, payload_bytes);
+}
+
+Status WriterEntity::write(const SerializedSample& sample) {
+  if (&sample.context() != context_.get())
+    return fail(ErrorCode::kInternal,
+                std::string("writing ") + topic_ + ": serialized by another participant");
+  const dds_return_t code = dds_forwardcdr(writer_.handle(), ddsi_serdata_ref(sample.data()));
+  if (code == DDS_RETCODE_OK) {
+    context_->bytes_sent += sample.payload_bytes();
+    return {};
+  }
+  // The reference was taken from us unless the writer is no more, as when our keys have expired.
+  if (code != DDS_RETCODE_ERROR && code != DDS_RETCODE_TIMEOUT) ddsi_serdata_unref(sample.data());
+  return tl::unexpected(endpoint_error("writing", topic_, code));
+}
+
 Status WriterEntity::dispose(const void* sample) {
   const dds_return_t code = dds_dispose(writer_.handle(), sample);
   if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("removing from", topic_, code));

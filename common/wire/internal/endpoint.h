@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "common/wire/internal/context.h"
+#include "common/wire/internal/serialized_sample.h"
 
 /// Writers and readers without types: what topic.cpp dresses up.
 namespace cairn::wire::internal {
@@ -19,6 +20,10 @@ class WriterEntity {
                                                                     std::string_view partition);
   /// `payload_bytes` for the statistics.
   [[nodiscard]] Status write(const void* sample, size_t payload_bytes);
+  /// As write() would send it, for all writers of this topic and context.
+  [[nodiscard]] Result<std::shared_ptr<const SerializedSample>> serialize(const void* sample,
+                                                                          size_t payload_bytes) const;
+  [[nodiscard]] Status write(const SerializedSample& sample);
   [[nodiscard]] Status dispose(const void* sample);
   [[nodiscard]] int matched() const;
 

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/wire/messages.h"
+#include "common/wire/participant.h"
+
+namespace cairn::wire {
+
+namespace internal {
+class SerializedSample;
+class WriterEntity;
+}  // namespace internal
+
+/// A message in the form in which it travels: made once, whatever the number of partitions in which it is
+/// written, and kept once by the middleware for all who come later to any of them. Keeps its participant
+/// alive. Thread-safe.
+template <typename Message>
+struct Serialized {
+  std::shared_ptr<const internal::SerializedSample> sample;
+};
+
+/// As Writer, for messages of which many clients are sent the same, each in its own partition: the blocks of
+/// a map (PointPatches, PointPositions, KeyframePoses). Thread-safe.
+template <typename Message>
+class SerializedWriter {
+ public:
+  [[nodiscard]] static Result<SerializedWriter> create(const Participant& participant,
+                                                       std::string_view partition);
+  SerializedWriter(SerializedWriter&&) noexcept;
+  SerializedWriter& operator=(SerializedWriter&&) noexcept;
+  ~SerializedWriter();
+
+  /// For any writer of this topic and participant. Errors as those of Writer::write().
+  [[nodiscard]] Result<Serialized<Message>> serialize(const Message& message) const;
+  /// Hands the message to the middleware, which neither waits for a peer nor copies it. kInternal for one
+  /// that a writer of another participant has serialized.
+  Status write(const Serialized<Message>& message);
+  /// Readers that match at this moment.
+  [[nodiscard]] int matched() const;
+
+ private:
+  explicit SerializedWriter(std::unique_ptr<internal::WriterEntity> entity);
+  std::unique_ptr<internal::WriterEntity> entity_;
+};
+
+}  // namespace cairn::wire

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// Messages that are serialized once for the partitions of many clients.
+#include "common/wire/serialized_writer.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "common/wire/internal/serialized_sample.h"
+#include "common/wire/wire_fixture.h"
+
+namespace cairn::wire {
+namespace {
+
+constexpr size_t kClients = 5;
+
+std::string partition(size_t client) {
+  return "client." + std::to_string(client) + ".map.x";
+}
+
+class SerializedWriterTest : public WireTest {
+ protected:
+  template <typename Message>
+  std::vector<SerializedWriter<Message>> writers(const Participant& participant) {
+    std::vector<SerializedWriter<Message>> made;
+    for (size_t i = 0; i < kClients; ++i)
+      made.push_back(SerializedWriter<Message>::create(participant, partition(i)).value());
+    return made;
+  }
+  /// Readers are there before or come after it was written and our own reference has gone.
+  template <typename Message>
+  void expect_to_arrive_everywhere(const Participant& server, const Participant& client, bool are_there) {
+    auto writers = this->writers<Message>(server);
+    std::vector<Reader<Message>> readers;
+    const auto join = [&] {
+      for (size_t i = 0; i < kClients; ++i) readers.push_back(reader<Message>(client, partition(i)));
+      return eventually(
+          [&] { return std::ranges::all_of(writers, [](auto& to) { return to.matched() == 1; }); });
+    };
+    if (are_there) ASSERT_TRUE(join());
+    const auto sent = random_.make<Message>();
+    {
+      const auto serialized = writers.back().serialize(sent);
+      ASSERT_TRUE(serialized) << serialized.error().message;
+      for (auto& to : writers) ASSERT_TRUE(to.write(*serialized));
+    }
+    if (!are_there) ASSERT_TRUE(join());
+    for (auto& from : readers) {
+      const auto got = collect(&from, 1);
+      ASSERT_EQ(got.size(), 1U);
+      ASSERT_TRUE(got[0].message);
+      EXPECT_TRUE(testing::same(*got[0].message, sent));
+    }
+  }
+};
+
+TEST_F(SerializedWriterTest, WhatIsSerializedOnceArrivesInEveryPartition) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  for (const bool are_there : {true, false}) {
+    expect_to_arrive_everywhere<PointPatches>(server, client, are_there);
+    expect_to_arrive_everywhere<PointPositions>(server, client, are_there);
+    expect_to_arrive_everywhere<KeyframePoses>(server, client, are_there);
+  }
+}
+
+TEST_F(SerializedWriterTest, TheMiddlewareKeepsOneCopyForAllPartitions) {
+  const Participant server = this->server();
+  auto writers = this->writers<PointPatches>(server);
+  auto block = random_.make<PointPatches>();
+  const auto first = writers[0].serialize(block).value();
+  for (auto& to : writers) ASSERT_TRUE(to.write(first));
+  const auto references = [](const auto& serialized) {
+    return ddsrt_atomic_ld32(&serialized.sample->data()->refc);
+  };
+  EXPECT_EQ(references(first), 1 + kClients);
+  // A newer version takes its place, and what nobody needs any more goes.
+  ++block.block.version;
+  const auto second = writers[1].serialize(block).value();
+  for (auto& to : writers) ASSERT_TRUE(to.write(second));
+  EXPECT_EQ(references(first), 1U);
+  EXPECT_EQ(references(second), 1 + kClients);
+}
+
+TEST_F(SerializedWriterTest, WhatAnotherParticipantHasSerializedIsRefused) {
+  const Participant server = this->server();
+  const Participant other = this->client();
+  const auto theirs = SerializedWriter<PointPatches>::create(other, partition(0)).value();
+  const auto serialized = theirs.serialize(random_.make<PointPatches>()).value();
+  auto ours = SerializedWriter<PointPatches>::create(server, partition(0)).value();
+  const Status written = ours.write(serialized);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, ErrorCode::kInternal);
+}
+
+TEST_F(SerializedWriterTest, WhatIsSerializedOutlivesItsWriterAndItsParticipant) {
+  std::optional<Serialized<PointPatches>> kept;
+  {
+    const Participant server = this->server();
+    kept = SerializedWriter<PointPatches>::create(server, partition(0))
+               .value()
+               .serialize(random_.make<PointPatches>())
+               .value();
+  }
+  kept.reset();
+}
+
+}  // namespace
+}  // namespace cairn::wire

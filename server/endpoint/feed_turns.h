@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// Who is sent how much of its map in one turn of the endpoint's thread. However many clients wait, a turn
+/// writes only so many blocks before samples are taken and verdicts written again. Those whose keyframes the
+/// map is made of have a share of their own, so that they wait for no reader; within a share, clients take
+/// turns. Used from one thread.
+template <typename Feed>
+class FeedTurns {
+ public:
+  static constexpr size_t kBlocksPerShare = 8;  // some 360 kB: 150 ms on a link of 20 Mbit/s
+
+  struct Waiting {
+    std::string_view client;
+    MapId map;
+    bool is_author = false;
+    Feed* feed = nullptr;
+  };
+
+  /// `waiting`: those that have something to write, by client and map. Feed::work(now, most) writes at most
+  /// so many blocks, and tells how many, at least one.
+  void take_turn(const std::vector<Waiting>& waiting, MonotonicTime now) {
+    serve(waiting, true, &last_author_, now);
+    serve(waiting, false, &last_reader_, now);
+  }
+
+ private:
+  using Key = std::pair<std::string, MapId>;
+
+  /// From the one behind the last that was served on, and around.
+  void serve(const std::vector<Waiting>& waiting, bool authors, Key* last, MonotonicTime now) {
+    const Key begun_behind = *last;
+    size_t left = kBlocksPerShare;
+    for (const bool is_behind : {true, false}) {
+      for (const Waiting& next : waiting) {
+        if (left == 0) return;
+        if (next.is_author != authors || is_behind != (begun_behind < Key(next.client, next.map))) continue;
+        left -= std::min(left, next.feed->work(now, left));
+        *last = Key(next.client, next.map);
+      }
+    }
+  }
+
+  Key last_author_;
+  Key last_reader_;
+};
+
+}  // namespace cairn
