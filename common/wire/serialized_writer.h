@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string_view>
 
@@ -21,6 +22,7 @@ class WriterEntity;
 template <typename Message>
 struct Serialized {
   std::shared_ptr<const internal::SerializedSample> sample;
+  size_t bytes = 0;  ///< of its content
 };
 
 /// As Writer, for messages of which many clients are sent the same, each in its own partition: the blocks of
@@ -36,9 +38,11 @@ class SerializedWriter {
 
   /// For any writer of this topic and participant. Errors as those of Writer::write().
   [[nodiscard]] Result<Serialized<Message>> serialize(const Message& message) const;
-  /// Hands the message to the middleware, which neither waits for a peer nor copies it. kInternal for one
-  /// that a writer of another participant has serialized.
-  Status write(const Serialized<Message>& message);
+  /// Hands the message to the middleware, which neither waits for a peer nor copies it. It leaves with
+  /// flush() at the latest, so that small ones share datagrams. kInternal for one that a writer of another
+  /// participant has serialized.
+  [[nodiscard]] Status write(const Serialized<Message>& message);
+  void flush();
   /// Readers that match at this moment.
   [[nodiscard]] int matched() const;
 

@@ -117,14 +117,20 @@ template <typename Message>
 Result<Serialized<Message>> SerializedWriter<Message>::serialize(const Message& message) const {
   internal::Scratch scratch;
   const auto sample = internal::encode(message, &scratch);
-  auto serialized = entity_->serialize(&sample, internal::payload_bytes<Message>(sample));
+  const size_t bytes = internal::payload_bytes<Message>(sample);
+  auto serialized = entity_->serialize(&sample, bytes);
   if (!serialized) return tl::unexpected(serialized.error());
-  return Serialized<Message>{*std::move(serialized)};
+  return Serialized<Message>{*std::move(serialized), bytes};
 }
 
 template <typename Message>
 Status SerializedWriter<Message>::write(const Serialized<Message>& message) {
   return entity_->write(*message.sample);
+}
+
+template <typename Message>
+void SerializedWriter<Message>::flush() {
+  entity_->flush();
 }
 
 template <typename Message>

@@ -14,23 +14,29 @@
 namespace cairn {
 
 /// Who is sent how much of its map in one turn of the endpoint's thread. However many clients wait, a turn
-/// writes only so many blocks before samples are taken and verdicts written again. Those whose keyframes the
-/// map is made of have a share of their own, so that they wait for no reader; within a share, clients take
-/// turns. Used from one thread.
+/// writes only so much before samples are taken and verdicts written again. Those whose keyframes the map is
+/// made of have a share of their own, so that they wait for no reader; within a share, clients take turns.
+/// Used from one thread.
 template <typename Feed>
 class FeedTurns {
  public:
-  static constexpr size_t kBlocksPerShare = 8;  // some 360 kB: 150 ms on a link of 20 Mbit/s
+  /// Some eight blocks of patches, or all positions of a room: less than a millisecond, and 150 ms on a link
+  /// of 20 Mbit/s.
+  static constexpr size_t kBytesPerShare = 360'000;
 
   struct Waiting {
     std::string_view client;
     MapId map;
     bool is_author = false;
     Feed* feed = nullptr;
+
+    [[nodiscard]] bool is_behind(const std::pair<std::string, MapId>& other) const {
+      return std::pair(std::string_view(other.first), other.second) < std::pair(client, map);
+    }
   };
 
-  /// `waiting`: those that have something to write, by client and map. Feed::work(now, most) writes at most
-  /// so many blocks, and tells how many, at least one.
+  /// `waiting`: those that have something to write, by client and map. Feed::work(now, bytes) writes blocks
+  /// until that many bytes are reached or nothing is left, and tells how many it wrote, at least one.
   void take_turn(const std::vector<Waiting>& waiting, MonotonicTime now) {
     serve(waiting, true, &last_author_, now);
     serve(waiting, false, &last_reader_, now);
@@ -41,12 +47,12 @@ class FeedTurns {
 
   /// From the one behind the last that was served on, and around.
   void serve(const std::vector<Waiting>& waiting, bool authors, Key* last, MonotonicTime now) {
-    const Key begun_behind = *last;
-    size_t left = kBlocksPerShare;
+    const Key before = *last;
+    size_t left = kBytesPerShare;
     for (const bool is_behind : {true, false}) {
       for (const Waiting& next : waiting) {
         if (left == 0) return;
-        if (next.is_author != authors || is_behind != (begun_behind < Key(next.client, next.map))) continue;
+        if (next.is_author != authors || is_behind != next.is_behind(before)) continue;
         left -= std::min(left, next.feed->work(now, left));
         *last = Key(next.client, next.map);
       }

@@ -8,16 +8,16 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kShare = 8;
-
 struct FakeFeed {
   size_t left = 0;
-  size_t work(MonotonicTime, size_t most) {
-    const size_t written = std::min(most, left);
+  size_t work(MonotonicTime, size_t bytes) {
+    const size_t written = std::min(bytes, left);
     left -= written;
     return std::max<size_t>(written, 1);
   }
 };
+
+constexpr size_t kShare = FeedTurns<FakeFeed>::kBytesPerShare;
 
 class FeedTurnsTest : public ::testing::Test {
  protected:
@@ -26,12 +26,12 @@ class FeedTurnsTest : public ::testing::Test {
     bool is_author;
     FakeFeed feed;
   };
-  FakeFeed& add(bool is_author, size_t blocks) {
+  FakeFeed& add(bool is_author, size_t bytes) {
     const std::string number = std::to_string(1000 + clients_.size());  // in the order of their names
-    clients_.push_back({"client-" + number, is_author, FakeFeed{blocks}});
+    clients_.push_back({"client-" + number, is_author, FakeFeed{bytes}});
     return clients_.back().feed;
   }
-  /// How many blocks were written.
+  /// How many bytes were written.
   size_t take_turn() {
     const size_t before = all_left();
     std::vector<FeedTurns<FakeFeed>::Waiting> waiting;
@@ -54,20 +54,20 @@ class FeedTurnsTest : public ::testing::Test {
 TEST_F(FeedTurnsTest, ATurnWritesNoMoreForManyClientsThanForOne) {
   for (const size_t readers : {1, 8, 64}) {
     clients_.clear();
-    for (size_t i = 0; i < readers; ++i) add(false, 100);
+    for (size_t i = 0; i < readers; ++i) add(false, 100 * kShare);
     EXPECT_EQ(take_turn(), kShare) << readers;
   }
 }
 
 TEST_F(FeedTurnsTest, AnAuthorWaitsForNoReaders) {
-  for (int i = 0; i < 64; ++i) add(false, 1000);
+  for (int i = 0; i < 64; ++i) add(false, 1000 * kShare);
   const FakeFeed& author = add(true, 3 * kShare);
   for (int turn = 0; turn < 3; ++turn) take_turn();
   EXPECT_EQ(author.left, 0U);
 }
 
 TEST_F(FeedTurnsTest, AReaderIsNotForgottenForAnAuthorThatAlwaysWaits) {
-  add(true, 1'000'000);
+  add(true, 1000 * kShare);
   const FakeFeed& reader = add(false, 3 * kShare);
   for (int turn = 0; turn < 3; ++turn) take_turn();
   EXPECT_EQ(reader.left, 0U);
@@ -81,7 +81,7 @@ TEST_F(FeedTurnsTest, ThoseThatWaitAreServedInTurns) {
 }
 
 TEST_F(FeedTurnsTest, WhatOneLeavesOfAShareIsForTheNext) {
-  for (size_t i = 0; i < 3 * kShare; ++i) add(false, 1);
+  for (int i = 0; i < 24; ++i) add(false, kShare / 8);
   EXPECT_EQ(take_turn(), kShare);
   EXPECT_EQ(take_turn(), kShare);
   EXPECT_EQ(take_turn(), kShare);
@@ -89,11 +89,11 @@ TEST_F(FeedTurnsTest, WhatOneLeavesOfAShareIsForTheNext) {
 }
 
 TEST_F(FeedTurnsTest, OneThatHasGoneIsNotMissed) {
-  for (int i = 0; i < 3; ++i) add(false, 100);
+  for (int i = 0; i < 3; ++i) add(false, 100 * kShare);
   take_turn();
   clients_.pop_front();
   EXPECT_EQ(take_turn(), kShare);
-  EXPECT_EQ(clients_.front().feed.left, 100 - kShare);
+  EXPECT_EQ(clients_.front().feed.left, 99 * kShare);
 }
 
 }  // namespace

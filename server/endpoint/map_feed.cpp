@@ -10,10 +10,12 @@ namespace cairn {
 namespace {
 
 template <typename Message, typename Block>
-Status write_once(wire::SerializedWriter<Message>& writer, NewestBlocks<Message>& known, const Burst& burst,
-                  const Block& block) {
+Result<size_t> write_once(wire::SerializedWriter<Message>& writer, NewestBlocks<Message>& known,
+                          const Burst& burst, const Block& block) {
   const auto message = known.get(writer, burst.map, burst.epoch, block);
-  return message ? writer.write(*message) : tl::unexpected(message.error());
+  if (!message) return tl::unexpected(message.error());
+  if (Status written = writer.write(*message); !written) return tl::unexpected(written.error());
+  return message->bytes;
 }
 
 }  // namespace
@@ -43,7 +45,7 @@ std::optional<MonotonicTime> MapFeed::deadline() const {
   return progress_ ? MonotonicTime::min() : publisher_.deadline();
 }
 
-size_t MapFeed::work(MonotonicTime now, size_t most_blocks) {
+size_t MapFeed::work(MonotonicTime now, size_t bytes) {
   if (!progress_) {
     std::optional<Burst> burst = publisher_.next(now);
     if (!burst) return 1;
@@ -52,11 +54,19 @@ size_t MapFeed::work(MonotonicTime now, size_t most_blocks) {
   const Burst& burst = progress_->burst;
   const size_t blocks = burst.keyframes.size() + burst.patches.size() + burst.positions.size();
   Status written;
-  size_t count = 0;
-  for (; written && count < most_blocks && progress_->written < blocks; ++count) {
-    written = write_block(burst, progress_->written++);
+  size_t sum = 0;
+  while (written && sum < bytes && progress_->written < blocks) {
+    const Result<size_t> block = write_block(burst, progress_->written++);
+    if (block)
+      sum += *block;
+    else
+      written = tl::unexpected(block.error());
   }
+  writers_.keyframes.flush();
+  writers_.patches.flush();
+  writers_.positions.flush();
   if (written && progress_->written == blocks) {
+    sum += burst.commit.points.size() * sizeof(wire::BlockVersion);
     written = writers_.commits.write(burst.commit);
     progress_.reset();
   }
@@ -66,10 +76,10 @@ size_t MapFeed::work(MonotonicTime now, size_t most_blocks) {
     progress_.reset();
     publisher_.failed(now);
   }
-  return std::max<size_t>(count, 1);
+  return std::max<size_t>(sum, 1);
 }
 
-Status MapFeed::write_block(const Burst& burst, size_t index) {
+Result<size_t> MapFeed::write_block(const Burst& burst, size_t index) {
   if (index < burst.keyframes.size()) {
     return write_once(writers_.keyframes, blocks_->keyframes, burst, *burst.keyframes[index]);
   }

@@ -31,8 +31,8 @@ class MapFeed {
   [[nodiscard]] Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
   [[nodiscard]] Status hide(MapId map, LabelId label);
 
-  /// Writes what is due, at most so many blocks of it; how many, and at least one.
-  size_t work(MonotonicTime now, size_t most_blocks);
+  /// Writes what is due, blocks of it until so many bytes are reached; how many were, at least one.
+  size_t work(MonotonicTime now, size_t bytes);
   /// When work() should be called next; nothing when there is nothing to send.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const;
 
@@ -54,7 +54,8 @@ class MapFeed {
   };
   MapFeed(Writers writers, std::shared_ptr<SerializedBlocks> blocks, Logger log)
       : writers_(std::move(writers)), blocks_(std::move(blocks)), log_(std::move(log)) {}
-  [[nodiscard]] Status write_block(const Burst& burst, size_t index);
+  /// How large it was.
+  [[nodiscard]] Result<size_t> write_block(const Burst& burst, size_t index);
 
   Writers writers_;
   std::shared_ptr<SerializedBlocks> blocks_;

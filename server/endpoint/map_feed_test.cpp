@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <numeric>
+
 #include "common/wire/partition.h"
 #include "common/wire/wire_fixture.h"
 #include "server/endpoint/client_link.h"
@@ -12,6 +15,7 @@ namespace {
 
 constexpr MapId kMap{{7}};
 constexpr uint32_t kBlocks = 20;
+constexpr size_t kLargestBlock = 50'000;  ///< [bytes]
 
 class MapFeedTest : public wire::WireTest {
  protected:
@@ -39,15 +43,12 @@ class MapFeedTest : public wire::WireTest {
   MapFeed feed(const wire::Participant& server, const std::string& client) {
     return MapFeed::create(server, client, kMap, blocks_, null_logger()).value();
   }
-  /// All of the newest revision, so many blocks at a time; in how many turns.
-  static size_t send(MapFeed* feed, size_t at_a_time) {
+  /// All of the newest revision, so many bytes at a time; how many in each turn.
+  static std::vector<size_t> send(MapFeed* feed, size_t bytes) {
     const MonotonicTime now{std::chrono::hours(1)};
-    size_t turns = 0;
-    for (auto due = feed->deadline(); due && *due <= now; due = feed->deadline(), ++turns) {
-      const size_t written = feed->work(now, at_a_time);
-      EXPECT_GE(written, 1U);
-      EXPECT_LE(written, at_a_time);
-    }
+    std::vector<size_t> turns;
+    for (auto due = feed->deadline(); due && *due <= now; due = feed->deadline())
+      turns.push_back(feed->work(now, bytes));
     return turns;
   }
 
@@ -91,7 +92,7 @@ TEST_F(MapFeedTest, AllWhoAreSentAMapGetTheSame) {
   for (const std::string name : {"alice", "bob"}) {
     MapFeed& made = feeds.emplace_back(feed(server, name));
     made.update(map);
-    send(&made, 8);
+    send(&made, 100'000);
   }
   for (const std::string name : {"alice", "bob"}) {
     SCOPED_TRACE(name);
@@ -104,9 +105,17 @@ TEST_F(MapFeedTest, AllWhoAreSentAMapGetTheSame) {
 TEST_F(MapFeedTest, ARevisionIsWrittenInSlices) {
   const wire::Participant server = this->server();
   MapFeed feed = this->feed(server, "alice");
-  feed.update(map(1));
-  const size_t blocks = 2 * kBlocks + 1;
-  EXPECT_EQ(send(&feed, 8), (blocks + 7) / 8);
+  MapFeed at_once = this->feed(server, "bob");
+  const MapSnapshotPtr map = this->map(1);
+  feed.update(map);
+  at_once.update(map);
+  constexpr size_t kSlice = 50'000;
+  const std::vector<size_t> slices = send(&feed, kSlice);
+  const std::vector<size_t> whole = send(&at_once, 1'000'000'000);
+  ASSERT_EQ(whole.size(), 1U);
+  EXPECT_EQ(std::accumulate(slices.begin(), slices.end(), size_t{0}), whole[0]);
+  for (const size_t bytes : slices) EXPECT_LT(bytes, kSlice + kLargestBlock);
+  EXPECT_GE(slices.size(), whole[0] / (kSlice + kLargestBlock));
 }
 
 TEST_F(MapFeedTest, WhoseKeyframeWasAcceptedIsTheAuthorOfThatMapOnly) {

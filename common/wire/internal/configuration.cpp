@@ -197,6 +197,7 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
   xml << "<MultipleReceiveThreads>false</MultipleReceiveThreads>";
   // Each writer would hold up its thread for a second where a peer does not acknowledge, one after another.
   xml << "<WriterLingerDuration>0s</WriterLingerDuration>";
+  if (writes_in_batches(options.role)) xml << "<WriteBatch>true</WriteBatch>";
   if (options.loss_per_mille > 0)
     xml << "<Test><XmitLossiness>" << options.loss_per_mille << "</XmitLossiness></Test>";
   xml << "</Internal>";

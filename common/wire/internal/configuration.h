@@ -16,6 +16,12 @@ namespace cairn::wire::internal {
 /// (convert_test.cpp); a server on a network takes those too, from the trackers of its own host.
 constexpr size_t kMaxSampleBytes = 36'000'000;
 
+/// Whether what a participant of that role writes waits for the writer to be flushed, so that small samples
+/// share datagrams: of a server, who writes the many blocks of maps.
+[[nodiscard]] constexpr bool writes_in_batches(Role role) {
+  return role == Role::kServer;
+}
+
 /// Text of a built-in profile (deploy/dds/<name>.xml at build time); empty for any other name.
 [[nodiscard]] std::string_view built_in_profile(std::string_view name);
 

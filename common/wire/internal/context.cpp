@@ -140,8 +140,9 @@ Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& optio
                     (options.security.empty() ? "" : ", with the keys of " + options.security) +
                     "; the lines above say more");
   }
-  return std::shared_ptr<Context>(
-      new Context(std::move(domain->first), participant, *std::move(path), *security, options.log));
+  return std::shared_ptr<Context>(new Context(std::move(domain->first), participant, *std::move(path),
+                                              *security, internal::writes_in_batches(options.role),
+                                              options.log));
 }
 
 Status Context::check_keys() const {

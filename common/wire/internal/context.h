@@ -30,6 +30,8 @@ class Context {
 
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
   [[nodiscard]] const NetworkPath& path() const { return path_; }
+  /// What is written leaves when its writer is flushed.
+  [[nodiscard]] bool writes_in_batches() const { return writes_in_batches_; }
   [[nodiscard]] std::optional<Timestamp> good_until() const {
     return security_ ? std::optional(security_->expires) : std::nullopt;
   }
@@ -48,8 +50,9 @@ class Context {
 
  private:
   Context(Entity domain, dds_entity_t participant, NetworkPath path, std::optional<Security> security,
-          Logger log)
+          bool writes_in_batches, Logger log)
       : path_(std::move(path)),
+        writes_in_batches_(writes_in_batches),
         security_(std::move(security)),
         domain_(std::move(domain)),
         participant_(participant),
@@ -58,6 +61,7 @@ class Context {
   [[nodiscard]] Status check_keys() const;
 
   const NetworkPath path_;
+  const bool writes_in_batches_;
   const std::optional<Security> security_;
   Entity domain_;  ///< owns the rest
   dds_entity_t participant_ = 0;

@@ -80,6 +80,7 @@ Status WriterEntity::write(const void* sample, size_t payload_bytes) {
   if (payload_bytes > kMaxSampleBytes) return tl::unexpected(too_large(topic_, payload_bytes));
   const dds_return_t code = dds_write(writer_.handle(), sample);
   if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("writing", topic_, code));
+  flush();
   context_->bytes_sent += payload_bytes;
   return {};
 }
@@ -115,7 +116,12 @@ Status WriterEntity::write(const SerializedSample& sample) {
 Status WriterEntity::dispose(const void* sample) {
   const dds_return_t code = dds_dispose(writer_.handle(), sample);
   if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("removing from", topic_, code));
+  flush();
   return {};
+}
+
+void WriterEntity::flush() {
+  if (context_->writes_in_batches()) dds_write_flush(writer_.handle());
 }
 
 int WriterEntity::matched() const {

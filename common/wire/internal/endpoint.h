@@ -23,7 +23,9 @@ class WriterEntity {
   /// As write() would send it, for all writers of this topic and context.
   [[nodiscard]] Result<std::shared_ptr<const SerializedSample>> serialize(const void* sample,
                                                                           size_t payload_bytes) const;
+  /// As above, but it may leave as late as with flush().
   [[nodiscard]] Status write(const SerializedSample& sample);
+  void flush();
   [[nodiscard]] Status dispose(const void* sample);
   [[nodiscard]] int matched() const;
 
