@@ -65,6 +65,32 @@ TEST_F(SerializedWriterTest, WhatIsSerializedOnceArrivesInEveryPartition) {
   }
 }
 
+TEST_F(SerializedWriterTest, WhatIsLostOnTheWayToOneIsRepeatedToIt) {
+  const Participant server = this->server(200);
+  const Participant client = this->client(200);
+  constexpr uint32_t kBlocks = 20;
+  auto writers = this->writers<PointPositions>(server);
+  std::vector<Reader<PointPositions>> readers;
+  for (size_t i = 0; i < kClients; ++i) readers.push_back(reader<PointPositions>(client, partition(i)));
+  ASSERT_TRUE(
+      eventually([&] { return std::ranges::all_of(writers, [](auto& to) { return to.matched() == 1; }); }));
+  std::vector<PointPositions> sent;
+  for (uint32_t index = 0; index < kBlocks; ++index) {
+    sent.push_back(random_.make<PointPositions>());
+    sent.back().map = MapId{{1}};
+    sent.back().block.index = index;
+    const auto serialized = writers[0].serialize(sent.back()).value();
+    for (auto& to : writers) ASSERT_TRUE(to.write(serialized));
+  }
+  for (auto& to : writers) to.flush();
+  for (auto& from : readers) {
+    const auto got = collect(&from, kBlocks);
+    ASSERT_EQ(got.size(), kBlocks);
+    for (const auto& sample : got)
+      EXPECT_TRUE(testing::same(*sample.message, sent[sample.message->block.index]));
+  }
+}
+
 TEST_F(SerializedWriterTest, TheMiddlewareKeepsOneCopyForAllPartitions) {
   const Participant server = this->server();
   auto writers = this->writers<PointPatches>(server);
