@@ -24,28 +24,29 @@ constexpr double kOneSurface = 1.3;   ///< neighbours differ less in distance th
 constexpr double kLeastFacing = 0.1;  ///< cosine of ray and normal below which a plane is seen edge-on
 
 /// The seen points in the image within `radius`, nearest first.
-std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vector2d& pixel, double radius) {
-  std::vector<SeenPoint> near;
+std::vector<PointInView> nearest(std::span<const PointInView> seen, const Eigen::Vector2d& pixel,
+                                 double radius) {
+  std::vector<PointInView> near;
   std::copy_if(seen.begin(), seen.end(), std::back_inserter(near),
-               [&](const SeenPoint& p) { return (p.pixel - pixel).norm() <= radius; });
-  std::sort(near.begin(), near.end(), [&](const SeenPoint& a, const SeenPoint& b) {
+               [&](const PointInView& p) { return (p.pixel - pixel).norm() <= radius; });
+  std::sort(near.begin(), near.end(), [&](const PointInView& a, const PointInView& b) {
     return (a.pixel - pixel).squaredNorm() < (b.pixel - pixel).squaredNorm();
   });
   return near;
 }
 
-bool may_be_of_one_surface(const SeenPoint& a, const SeenPoint& b) {
+bool may_be_of_one_surface(const PointInView& a, const PointInView& b) {
   const double distances[] = {a.position.norm(), b.position.norm()};
   return distances[0] < kOneSurface * distances[1] && distances[1] < kOneSurface * distances[0];
 }
 
 /// Without those that no two others are at about the distance of: a map has some wrong points, which would
 /// draw a label far behind what is pointed at. Few points are left as they are.
-std::vector<SeenPoint> without_strays(std::vector<SeenPoint> near) {
+std::vector<PointInView> without_strays(std::vector<PointInView> near) {
   if (near.size() < kLeastNeighbours) return near;
-  const std::vector<SeenPoint> all = near;
-  std::erase_if(near, [&](const SeenPoint& p) {
-    const auto like = [&p](const SeenPoint& other) { return may_be_of_one_surface(p, other); };
+  const std::vector<PointInView> all = near;
+  std::erase_if(near, [&](const PointInView& p) {
+    const auto like = [&p](const PointInView& other) { return may_be_of_one_surface(p, other); };
     return std::count_if(all.begin(), all.end(), like) < static_cast<ptrdiff_t>(kLeastNeighbours);
   });
   return near;
@@ -53,17 +54,17 @@ std::vector<SeenPoint> without_strays(std::vector<SeenPoint> near) {
 
 /// Those at about the distance of the one pointed closest to: what lies behind it or before it is of another
 /// surface.
-std::vector<SeenPoint> on_one_surface(std::vector<SeenPoint> near) {
-  const SeenPoint closest = near.front();
-  std::erase_if(near, [&closest](const SeenPoint& p) { return !may_be_of_one_surface(closest, p); });
+std::vector<PointInView> on_one_surface(std::vector<PointInView> near) {
+  const PointInView closest = near.front();
+  std::erase_if(near, [&closest](const PointInView& p) { return !may_be_of_one_surface(closest, p); });
   return near;
 }
 
 /// Whether a plane through the points is known at the pixel as well as one point is: the leverage of linear
 /// regression. Points all to one side, one behind the other, leave it free to tilt about them.
-bool reach(const std::vector<SeenPoint>& points, const Eigen::Vector2d& pixel) {
+bool reach(const std::vector<PointInView>& points, const Eigen::Vector2d& pixel) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  for (const SeenPoint& p : points) {
+  for (const PointInView& p : points) {
     const Eigen::Vector3d row(1, p.pixel.x() - pixel.x(), p.pixel.y() - pixel.y());
     normal += row * row.transpose();
   }
@@ -73,10 +74,10 @@ bool reach(const std::vector<SeenPoint>& points, const Eigen::Vector2d& pixel) {
 
 /// Of the points around, nearest first, so many of one surface as tell where it is at the pixel; all there
 /// are, if these do not.
-std::vector<SeenPoint> surface_around(std::span<const SeenPoint> near, const Eigen::Vector2d& pixel) {
+std::vector<PointInView> surface_around(std::span<const PointInView> near, const Eigen::Vector2d& pixel) {
   for (size_t count = kNeighbours;; count += kNeighbours) {
     const auto some = near.first(std::min(count, near.size()));
-    std::vector<SeenPoint> surface = without_strays({some.begin(), some.end()});
+    std::vector<PointInView> surface = without_strays({some.begin(), some.end()});
     if (!surface.empty()) surface = on_one_surface(std::move(surface));
     if (count >= near.size() || reach(surface, pixel)) return surface;
   }
@@ -84,7 +85,8 @@ std::vector<SeenPoint> surface_around(std::span<const SeenPoint> near, const Eig
 
 /// Where a ray meets the plane that fits the points best (total least squares); nothing for points on a line,
 /// a plane seen edge-on, or a place far from the points.
-std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray, const std::vector<SeenPoint>& points) {
+std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray,
+                                          const std::vector<PointInView>& points) {
   if (points.size() < kLeastNeighbours) return std::nullopt;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const auto& p : points) mean += p.position / static_cast<double>(points.size());
@@ -103,9 +105,9 @@ std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray, const std:
 
 }  // namespace
 
-std::vector<SeenPoint> seen_points(std::span<const TrackedPoint> points, const MapSnapshot& map,
-                                   const SE3& camera_from_map) {
-  std::vector<SeenPoint> seen;
+std::vector<PointInView> seen_points(std::span<const TrackedPoint> points, const MapSnapshot& map,
+                                     const SE3& camera_from_map) {
+  std::vector<PointInView> seen;
   for (const TrackedPoint& point : points) {
     const auto slot = point.found ? map.find(point.id) : std::nullopt;
     if (!slot) continue;
@@ -116,7 +118,7 @@ std::vector<SeenPoint> seen_points(std::span<const TrackedPoint> points, const M
 }
 
 std::vector<LabelInView> labels_in_view(const std::vector<Label>& labels, const SE3& camera_from_map,
-                                        const Camera& camera, std::span<const SeenPoint> seen) {
+                                        const Camera& camera, std::span<const PointInView> seen) {
   const double radius = kAround * camera.width();
   std::vector<LabelInView> in_view;
   for (const Label& label : labels) {
@@ -126,7 +128,7 @@ std::vector<LabelInView> labels_in_view(const std::vector<Label>& labels, const 
     const double distance = place.norm();
     int before = 0;
     int others = 0;
-    for (const SeenPoint& p : seen) {
+    for (const PointInView& p : seen) {
       if ((p.pixel - *pixel).norm() > radius) continue;
       ++(kBefore * p.position.norm() < distance ? before : others);
     }
@@ -144,7 +146,7 @@ std::vector<LabelInView> labels_in_view(const OverlayFrame& frame, const Camera&
 }
 
 std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Camera& camera,
-                                          std::span<const SeenPoint> seen) {
+                                          std::span<const PointInView> seen) {
   const double width = camera.width();
   const auto surface = surface_around(nearest(seen, pixel, kNeighbourhood * width), pixel);
   if (surface.empty()) return std::nullopt;

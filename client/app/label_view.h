@@ -17,12 +17,12 @@
 namespace cairn {
 
 /// A map point that the tracker found in the image.
-struct SeenPoint {
+struct PointInView {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< camera frame
 };
-[[nodiscard]] std::vector<SeenPoint> seen_points(std::span<const TrackedPoint> points, const MapSnapshot& map,
-                                                 const SE3& camera_from_map);
+[[nodiscard]] std::vector<PointInView> seen_points(std::span<const TrackedPoint> points,
+                                                   const MapSnapshot& map, const SE3& camera_from_map);
 
 struct LabelInView {
   Label label;
@@ -34,13 +34,13 @@ struct LabelInView {
 /// around it are clearly nearer than it is, and more of them than are not.
 [[nodiscard]] std::vector<LabelInView> labels_in_view(const std::vector<Label>& labels,
                                                       const SE3& camera_from_map, const Camera& camera,
-                                                      std::span<const SeenPoint> seen);
+                                                      std::span<const PointInView> seen);
 /// None without a pose measured in the frame.
 [[nodiscard]] std::vector<LabelInView> labels_in_view(const OverlayFrame& frame, const Camera& camera);
 
 /// The place (camera frame) that somebody means who points at a pixel: the point found next to it or else,
 /// where there is none, the surface that the points around it lie on. Nothing where no point is near.
 [[nodiscard]] std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Camera& camera,
-                                                        std::span<const SeenPoint> seen);
+                                                        std::span<const PointInView> seen);
 
 }  // namespace cairn

@@ -36,9 +36,9 @@ Plane random_plane(std::mt19937* random) {
   return {normal, normal.dot(Eigen::Vector3d(0, 0, 2 + unit(*random)))};
 }
 
-std::vector<SeenPoint> points_on(const Plane& plane, const Camera& camera, const cv::Rect& where, int count,
-                                 std::mt19937* random) {
-  std::vector<SeenPoint> points;
+std::vector<PointInView> points_on(const Plane& plane, const Camera& camera, const cv::Rect& where, int count,
+                                   std::mt19937* random) {
+  std::vector<PointInView> points;
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector2d pixel(
         std::uniform_real_distribution<double>(where.x, where.x + where.width)(*random),
@@ -59,7 +59,7 @@ Label label_at(uint64_t id, const Eigen::Vector3d& place) {
 class LabelViewTest : public ::testing::Test {
  protected:
   [[nodiscard]] std::vector<LabelInView> view(const Eigen::Vector3d& place,
-                                              const std::vector<SeenPoint>& seen) const {
+                                              const std::vector<PointInView>& seen) const {
     return labels_in_view({label_at(1, place)}, SE3(), *camera_, seen);
   }
 
@@ -123,7 +123,7 @@ TEST_F(LabelViewTest, ALabelBehindASurfaceIsHiddenAndOneBeforeItIsNot) {
 
 TEST_F(LabelViewTest, OneStrayPointHidesNothing) {
   const Eigen::Vector3d place(0, 0, 2);
-  std::vector<SeenPoint> seen{{{319, 239}, {0, 0, 1}}};
+  std::vector<PointInView> seen{{{319, 239}, {0, 0, 1}}};
   EXPECT_FALSE(view(place, seen)[0].hidden);
   seen.push_back({{321, 241}, {0, 0, 1}});
   EXPECT_TRUE(view(place, seen)[0].hidden);
@@ -143,10 +143,10 @@ TEST_F(LabelViewTest, WhoPointsNextToAPointMeansThatPoint) {
   for (int i = 0; i < 100; ++i) {
     SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", plane " << i);
     const auto seen = points_on(random_plane(&random_), *camera_, everywhere_, 300, &random_);
-    const SeenPoint& meant = seen[random_() % seen.size()];
+    const PointInView& meant = seen[random_() % seen.size()];
     const auto place = pick_place(meant.pixel + Eigen::Vector2d(0.2, -0.2), *camera_, seen);
     ASSERT_TRUE(place.has_value());
-    const auto is_as_near = [&](const SeenPoint& p) {
+    const auto is_as_near = [&](const PointInView& p) {
       return p.position == *place && (p.pixel - meant.pixel).norm() < 1;
     };
     EXPECT_TRUE(std::any_of(seen.begin(), seen.end(), is_as_near));
@@ -160,7 +160,7 @@ TEST_F(LabelViewTest, BetweenPointsTheSurfaceIsMeant) {
     auto seen = points_on(plane, *camera_, everywhere_, 600, &random_);
     const Eigen::Vector2d pixel(std::uniform_real_distribution<double>(60, 580)(random_),
                                 std::uniform_real_distribution<double>(60, 420)(random_));
-    std::erase_if(seen, [&](const SeenPoint& p) { return (p.pixel - pixel).norm() < 20; });
+    std::erase_if(seen, [&](const PointInView& p) { return (p.pixel - pixel).norm() < 20; });
     const auto truth = plane.hit(camera_->unproject(pixel));
     if (!truth || truth->norm() > 8) continue;
     const auto place = pick_place(pixel, *camera_, seen);
@@ -176,7 +176,7 @@ TEST_F(LabelViewTest, PointsInALineToOneSideTellNoPlane) {
   for (int i = 0; i < 50; ++i) {
     SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", " << i);
     const Plane desk = random_plane(&random_);
-    std::vector<SeenPoint> seen;
+    std::vector<PointInView> seen;
     const auto add = [&](double x, double y) {
       const auto hit = desk.hit(camera_->unproject({x, y}));
       if (hit) seen.push_back({{x, y}, (1 + noise(random_)) * *hit});
@@ -195,7 +195,7 @@ TEST_F(LabelViewTest, ASurfaceFarBehindTheOneThatIsMeantDoesNotCount) {
   const Plane desk{-Eigen::Vector3d::UnitZ(), -1};
   const Plane wall{-Eigen::Vector3d::UnitZ(), -3};
   auto seen = points_on(wall, *camera_, {330, 0, 300, 479}, 200, &random_);
-  for (const SeenPoint& p : points_on(desk, *camera_, {0, 0, 290, 479}, 200, &random_)) seen.push_back(p);
+  for (const PointInView& p : points_on(desk, *camera_, {0, 0, 290, 479}, 200, &random_)) seen.push_back(p);
   const auto place = pick_place({305, 240}, *camera_, seen);
   ASSERT_TRUE(place.has_value());
   EXPECT_NEAR(place->z(), 1, 1e-6);
@@ -205,7 +205,8 @@ TEST_F(LabelViewTest, AStrayPointIsNotMeant) {
   const Plane desk{-Eigen::Vector3d::UnitZ(), -2};
   for (const double away : {4.0, 18.0}) {  // pointed at, and the nearest around
     auto seen = points_on(desk, *camera_, everywhere_, 300, &random_);
-    std::erase_if(seen, [](const SeenPoint& p) { return (p.pixel - Eigen::Vector2d(320, 240)).norm() < 25; });
+    std::erase_if(seen,
+                  [](const PointInView& p) { return (p.pixel - Eigen::Vector2d(320, 240)).norm() < 25; });
     const Eigen::Vector2d stray(320 + away, 240);
     seen.push_back({stray, 5 * camera_->unproject(stray)});
     const auto place = pick_place({320, 240}, *camera_, seen);
@@ -216,14 +217,15 @@ TEST_F(LabelViewTest, AStrayPointIsNotMeant) {
 
 TEST_F(LabelViewTest, WhereNoPointIsNearThereIsNoPlace) {
   EXPECT_FALSE(pick_place({320, 240}, *camera_, {}));
-  const std::vector<SeenPoint> far{{{10, 10}, {-1, -1, 1}}, {{14, 10}, {-1, -1, 1}}, {{10, 14}, {-1, -1, 1}}};
+  const std::vector<PointInView> far{
+      {{10, 10}, {-1, -1, 1}}, {{14, 10}, {-1, -1, 1}}, {{10, 14}, {-1, -1, 1}}};
   EXPECT_FALSE(pick_place({320, 240}, *camera_, far));
-  const std::vector<SeenPoint> too_few{{{290, 240}, {0, 0, 1}}, {{350, 240}, {0, 0, 1}}};
+  const std::vector<PointInView> too_few{{{290, 240}, {0, 0, 1}}, {{350, 240}, {0, 0, 1}}};
   EXPECT_FALSE(pick_place({320, 240}, *camera_, too_few));
 }
 
 TEST_F(LabelViewTest, PointsOnALineGiveTheirDistance) {
-  std::vector<SeenPoint> line;
+  std::vector<PointInView> line;
   for (int i = 0; i < 8; ++i) {
     const Eigen::Vector2d pixel(280 + 10 * i, 200);
     line.push_back({pixel, 2 * camera_->unproject(pixel)});
