@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/base/option_list.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <type_traits>
+
+#include "common/base/overloaded.h"
+
+namespace cairn {
+namespace {
+
+double as_number(const OptionList::Value& value) {
+  return std::visit(
+      Overloaded{[](const std::chrono::milliseconds* ms) { return static_cast<double>(ms->count()); },
+                 [](const auto* number) { return static_cast<double>(*number); }},
+      value);
+}
+
+template <typename Number>
+bool parse(const std::string& text, Number* value) {
+  Number parsed{};
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), parsed);
+  if (problem != std::errc() || end != text.data() + text.size()) return false;
+  *value = parsed;
+  return true;
+}
+
+bool parse(const std::string& text, bool* value) {
+  if (text != "true" && text != "false") return false;
+  *value = text == "true";
+  return true;
+}
+
+bool parse(const std::string& text, std::chrono::milliseconds* value) {
+  int64_t count = 0;
+  if (!parse(text, &count)) return false;
+  *value = std::chrono::milliseconds(count);
+  return true;
+}
+
+std::string unit_after(const OptionList::Row& row) {
+  return row.unit.empty() ? "" : " [" + row.unit + "]";
+}
+
+}  // namespace
+
+OptionList& OptionList::add(std::string name, bool* value) {
+  rows_.push_back({std::move(name), value, {0, 1}, {}});
+  return *this;
+}
+
+OptionList& OptionList::add(std::string name, Value value, Range range, std::string unit) {
+  rows_.push_back({std::move(name), value, range, std::move(unit)});
+  return *this;
+}
+
+OptionList& OptionList::add_part(std::string name, OptionList part) {
+  parts_.emplace_back(std::move(name), std::move(part));
+  return *this;
+}
+
+OptionList& OptionList::add_order(std::string smaller, std::string larger) {
+  orders_.emplace_back(std::move(smaller), std::move(larger));
+  return *this;
+}
+
+std::vector<std::string> OptionList::names() const {
+  std::vector<std::string> names;
+  for (const Row& row : rows_) names.push_back(row.name);
+  for (const auto& [name, part] : parts_) names.push_back(name);
+  return names;
+}
+
+const OptionList::Row* OptionList::find_row(const std::string& name) const {
+  if (const size_t dot = name.find('.'); dot != std::string::npos) {
+    const OptionList* part = find_part(name.substr(0, dot));
+    return part == nullptr ? nullptr : part->find_row(name.substr(dot + 1));
+  }
+  const auto found =
+      std::find_if(rows_.begin(), rows_.end(), [&](const Row& row) { return row.name == name; });
+  return found == rows_.end() ? nullptr : &*found;
+}
+
+const OptionList* OptionList::find_part(const std::string& name) const {
+  const auto found =
+      std::find_if(parts_.begin(), parts_.end(), [&](const auto& part) { return part.first == name; });
+  return found == parts_.end() ? nullptr : &found->second;
+}
+
+Status OptionList::check() const {
+  for (const Row& row : rows_) {
+    const double value = as_number(row.value);
+    // Written so that NaN is refused, too.
+    if (value >= row.range.least && value <= row.range.most) continue;
+    return fail(ErrorCode::kConfiguration,
+                fmt::format("{} is {}: expected {} to {}{}", row.name, option_text(row), row.range.least,
+                            row.range.most, unit_after(row)));
+  }
+  for (const auto& [name, part] : parts_) {
+    if (const Status checked = part.check(); !checked)
+      return fail(checked.error().code, name + "." + checked.error().message);
+  }
+  for (const auto& [smaller, larger] : orders_) {
+    const Row& low = *find_row(smaller);
+    const Row& high = *find_row(larger);
+    if (as_number(low.value) <= as_number(high.value)) continue;
+    return fail(ErrorCode::kConfiguration, fmt::format("{} is {}, more than {}, which is {}", smaller,
+                                                       option_text(low), larger, option_text(high)));
+  }
+  return {};
+}
+
+std::string option_text(const OptionList::Row& row) {
+  return std::visit(
+      Overloaded{[](const std::chrono::milliseconds* ms) { return fmt::format("{}", ms->count()); },
+                 // As many digits as it takes to read the same number again.
+                 [](const auto* value) { return fmt::format("{}", *value); }},
+      row.value);
+}
+
+Status set_option(const OptionList::Row& row, const std::string& text) {
+  const bool is_set = std::visit([&](auto* value) { return parse(text, value); }, row.value);
+  if (is_set) return {};
+  const bool is_switch = std::holds_alternative<bool*>(row.value);
+  const bool is_real =
+      std::holds_alternative<float*>(row.value) || std::holds_alternative<double*>(row.value);
+  const char* kind = is_switch ? "true or false" : is_real ? "a number" : "a whole number";
+  return fail(ErrorCode::kConfiguration, fmt::format("{} '{}': expected {}", row.name, text, kind));
+}
+
+}  // namespace cairn

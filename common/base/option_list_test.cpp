@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/base/option_list.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "common/base/option_yaml.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+struct LensOptions {
+  float radius = 0.3F;
+  double cutoff = 1.0 / 240;
+  bool is_round = true;
+};
+
+struct EyeOptions {
+  int blinks = 3;
+  int most_blinks = 30;
+  uint64_t seed = std::numeric_limits<uint64_t>::max();
+  milliseconds patience{300};
+  LensOptions lens;
+};
+
+OptionList list_options(LensOptions* o) {
+  OptionList list;
+  list.add("radius", &o->radius, {0, 1}, "px");
+  list.add("cutoff", &o->cutoff, {0, 1}, "s");
+  list.add("is_round", &o->is_round);
+  return list;
+}
+
+OptionList list_options(EyeOptions* o) {
+  OptionList list;
+  list.add("blinks", &o->blinks, {0, 100});
+  list.add("most_blinks", &o->most_blinks, {0, 100});
+  list.add_order("blinks", "most_blinks");
+  list.add("seed", &o->seed, {0, 1.9e19});
+  list.add("patience", &o->patience, {1, 1000}, "ms");
+  list.add_part("lens", list_options(&o->lens));
+  return list;
+}
+
+Status read(const std::string& text, EyeOptions* options) {
+  return read_options(YAML::Load(text), "eye.yaml", list_options(options));
+}
+
+std::string complaint_about(const std::string& text) {
+  EyeOptions options;
+  const Status done = read(text, &options);
+  return done ? "" : done.error().message;
+}
+
+TEST(OptionList, WhatIsWrittenIsReadAsTheSameValues) {
+  EyeOptions unusual{7, 8, 12345678901234567890ULL, milliseconds(17), {0.1F + 0.2F, 1.0 / 3 + 1e-16, false}};
+  const std::string text = write_options(list_options(&unusual));
+  EyeOptions again;
+  ASSERT_TRUE(read(text, &again));
+  EXPECT_EQ(again.blinks, unusual.blinks);
+  EXPECT_EQ(again.seed, unusual.seed);
+  EXPECT_EQ(again.patience, unusual.patience);
+  EXPECT_EQ(again.lens.radius, unusual.lens.radius) << "to the bit";
+  EXPECT_EQ(again.lens.cutoff, unusual.lens.cutoff);
+  EXPECT_EQ(again.lens.is_round, unusual.lens.is_round);
+  EXPECT_EQ(write_options(list_options(&again)), text);
+}
+
+TEST(OptionList, WhatIsNotNamedKeepsItsValue) {
+  EyeOptions options;
+  options.blinks = 11;
+  ASSERT_TRUE(read("lens:\n  radius: 0.5\n", &options));
+  EXPECT_EQ(options.blinks, 11);
+  EXPECT_EQ(options.lens.radius, 0.5F);
+  EXPECT_EQ(options.lens.cutoff, LensOptions().cutoff);
+  EXPECT_TRUE(read("", &options)) << "an empty file";
+}
+
+TEST(OptionList, RefusesWhatItDoesNotKnowAndNamesTheNearest) {
+  EXPECT_EQ(complaint_about("blinks: 4\nlens:\n  radios: 0.5\n"),
+            "eye.yaml:3: unknown key 'radios'; did you mean radius?");
+  EXPECT_EQ(complaint_about("lense: {}\n"), "eye.yaml:1: unknown key 'lense'; did you mean lens?");
+  EXPECT_EQ(complaint_about("blinks: 4\nblinks: 4\n"), "eye.yaml:2: 'blinks' is there twice");
+}
+
+TEST(OptionList, RefusesWhatIsNoNumberOfItsKind) {
+  EXPECT_EQ(complaint_about("blinks: 4.5\n"), "eye.yaml:1: blinks '4.5': expected a whole number");
+  EXPECT_EQ(complaint_about("lens:\n  cutoff: 1 s\n"), "eye.yaml:2: cutoff '1 s': expected a number");
+  EXPECT_EQ(complaint_about("lens:\n  is_round: 1\n"), "eye.yaml:2: is_round '1': expected true or false");
+  EXPECT_NE(complaint_about("seed: -1\n"), "");
+  EXPECT_NE(complaint_about("blinks: [4]\n"), "");
+  EXPECT_NE(complaint_about("lens: 4\n"), "");
+  EXPECT_NE(complaint_about("- blinks\n"), "");
+}
+
+TEST(OptionList, RefusesWhatIsOutOfItsRange) {
+  EXPECT_TRUE(check_options(EyeOptions()));
+  EXPECT_EQ(complaint_about("patience: 0\n"), "eye.yaml:1: patience is 0: expected 1 to 1000 [ms]");
+  EXPECT_EQ(complaint_about("blinks: 40\n"), "eye.yaml:1: blinks is 40, more than most_blinks, which is 30");
+  EyeOptions options;
+  options.lens.radius = std::numeric_limits<float>::quiet_NaN();
+  const Status checked = check_options(options);
+  ASSERT_FALSE(checked);
+  EXPECT_EQ(checked.error().message, "lens.radius is nan: expected 0 to 1 [px]");
+  EXPECT_EQ(checked.error().code, ErrorCode::kConfiguration);
+}
+
+}  // namespace
+}  // namespace cairn
