@@ -131,7 +131,7 @@ std::unique_ptr<FrameSource> decode_ahead(std::unique_ptr<FrameSource> source, c
 }
 
 TrackerOptions tracker_options(const TrackOptions& options) {
-  TrackerOptions tracker;
+  TrackerOptions tracker = options.tracker;
   tracker.make_maps = options.makes_maps();
   tracker.make_keyframes = !options.reader;
   tracker.seed = options.seed;

@@ -11,6 +11,7 @@
 #include <map>
 #include <utility>
 
+#include "common/base/configuration_file.h"
 #include "common/base/help_formats.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
@@ -22,6 +23,7 @@ namespace cairn {
 namespace {
 
 constexpr int kUsageExit = 2;
+constexpr int kConfigurationExit = 3;
 constexpr std::string_view kAuto = "auto";
 constexpr std::string_view kAutoFrom = "auto:";
 constexpr std::string_view kExactly = "exact:";
@@ -37,6 +39,9 @@ constexpr const char* kFooter =
     "unit=s|ms|us|ns: what the times of a list count (tum:, euroc:, times=). Videos are turned upright as "
     "players show them; their calibration is for that size.\n"
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
+    "The configuration file has the names of the long options as keys, e.g. `domain: 3`, and the constants "
+    "of\n"
+    "the tracker under `tracker:`; --print-config tells all.\n"
     "Outputs may be pipes: what nobody reads is left out, the run goes on and ends with 3.\n"
     "Exit codes: 0 ok; 1 a trajectory was asked for and no frame was tracked, or most were dropped; also an "
     "internal error; 2 usage, 3 configuration or a file, 4 no server, 5 refused, 6 damaged data, 130 "
@@ -57,6 +62,8 @@ const std::map<std::string, RigAim> kRigAims = {{"neutral", RigAim::kNeutral},
 /// The words as the user types them; where they differ from TrackOptions, they are translated after parsing.
 struct Words {
   TrackOptions options;
+  std::string config;
+  bool prints_config = false;
   std::string calibration;
   std::string saved_calibration;
   std::string role = "builder";
@@ -89,9 +96,7 @@ std::string check_seed(const std::string& text) {
 
 void declare(CLI::App& app, Words& words) {
   auto& options = words.options;
-  app.add_option("--source", options.source, "where frames come from (see below)")
-      ->required()
-      ->type_name("URI");
+  app.add_option("--source", options.source, "where frames come from (see below); needed")->type_name("URI");
   app.add_option(
          "--calibration", words.calibration,
          "camera.txt, or a calibration of Kalibr, OpenCV, ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI "
@@ -184,6 +189,10 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("PATTERN");
   app.add_option("--fixate", options.fixated_label, "with --rig-mode fixate: the label of that text")
       ->type_name("LABEL");
+  app.add_option("--config", words.config, "settings as YAML; what the command line says wins")
+      ->type_name("FILE");
+  app.add_flag("--print-config", words.prints_config,
+               "prints all settings as --config reads them, the tracker's constants included, and ends");
   app.add_flag("-v,--verbose", words.verbose, "more words");
   app.add_flag("-q,--quiet", words.quiet, "warnings only");
   app.set_version_flag("--version", "cairn-track " + std::string(version()));
@@ -279,6 +288,101 @@ ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   return usage(unknown_word(app, error).value_or(error.what()));
 }
 
+/// The constants that a configuration file may set, by heading.
+OptionList engines_of(TrackerOptions* tracker) {
+  return OptionList().add_part("tracker", list_options(tracker));
+}
+
+/// The command line, declared and parsed once.
+class CommandLine {
+ public:
+  explicit CommandLine(const std::string& client_name) {
+    app_.footer(kFooter);
+    words.options.name = client_name;
+    declare(app_, words);
+  }
+
+  /// Why the process is to end now; nothing: the words are read.
+  [[nodiscard]] std::optional<ParseExit> parse(std::vector<std::string> arguments) {
+    std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them from the back
+    try {
+      app_.parse(std::move(arguments));
+    } catch (const CLI::ParseError& error) {
+      complaint = unknown_word(app_, error).value_or(error.what());
+      return parse_exit(app_, error);
+    }
+    return std::nullopt;
+  }
+
+  /// Of the options that a configuration file may set.
+  [[nodiscard]] std::vector<std::string> names() const {
+    std::vector<std::string> names;
+    for (const CLI::Option* option : settings()) names.push_back(name_of(*option));
+    return names;
+  }
+
+  /// What a file says of options that were not given, as arguments. kConfiguration for a flag that is neither
+  /// on nor off.
+  [[nodiscard]] Result<std::vector<std::string>> lacking(const ConfigurationWords& file) const {
+    std::vector<std::string> arguments;
+    for (const auto& [name, value] : file) {
+      const CLI::Option& option = *app_.get_option("--" + name);
+      if (option.count() > 0) continue;
+      if (value.empty()) return fail(ErrorCode::kConfiguration, name + ": needs a value");
+      if (is_flag(option) && value != "true" && value != "false")
+        return fail(ErrorCode::kConfiguration, fmt::format("{} '{}': expected true or false", name, value));
+      if (!is_flag(option)) {
+        arguments.insert(arguments.end(), {"--" + name, value});
+      } else if (value == "true") {
+        arguments.push_back("--" + name);
+      }
+    }
+    return arguments;
+  }
+
+  /// All options, in the order of --help: as given, else their default.
+  [[nodiscard]] std::vector<ConfigurationLine> lines() const {
+    std::vector<ConfigurationLine> lines;
+    for (const CLI::Option* option : settings()) {
+      const std::string fallback = option->get_default_str();
+      if (is_flag(*option)) {
+        lines.push_back({name_of(*option), option->count() > 0 ? "true" : "false"});
+      } else if (option->count() > 0) {
+        lines.push_back({name_of(*option), option->results().back()});
+      } else if (!fallback.empty()) {
+        lines.push_back({name_of(*option), fallback});
+      } else {
+        lines.push_back({name_of(*option), "not given", false});
+      }
+    }
+    return lines;
+  }
+
+  Words words;
+  std::string complaint;  ///< of the last parse() that failed
+
+ private:
+  static bool is_flag(const CLI::Option& option) { return option.get_expected_max() == 0; }
+  static std::string name_of(const CLI::Option& option) { return option.get_lnames().front(); }
+  [[nodiscard]] std::vector<const CLI::Option*> settings() const {
+    return app_.get_options([](const CLI::Option* option) {
+      const std::string name = name_of(*option);
+      return name != "help" && name != "version" && name != "config" && name != "print-config";
+    });
+  }
+
+  CLI::App app_{kDescription, "cairn-track"};
+};
+
+std::variant<TrackOptions, ParseExit> resolved(const CommandLine& line) {
+  if (line.words.prints_config) {
+    TrackerOptions tracker = line.words.options.tracker;
+    return ParseExit{0, write_configuration("cairn-track", line.lines(), engines_of(&tracker))};
+  }
+  if (line.words.options.source.empty()) return usage("--source is required");
+  return translate(line.words);
+}
+
 }  // namespace
 
 std::string default_client_name(std::string_view host_name, int process_id) {
@@ -292,18 +396,23 @@ std::string default_client_name(std::string_view host_name, int process_id) {
 
 std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
                                                           std::string_view host_name, int process_id) {
-  CLI::App app(kDescription, "cairn-track");
-  app.footer(kFooter);
-  Words words;
-  words.options.name = default_client_name(host_name, process_id);
-  declare(app, words);
-  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them from the back
-  try {
-    app.parse(std::move(arguments));
-  } catch (const CLI::ParseError& error) {
-    return parse_exit(app, error);
+  CommandLine line(default_client_name(host_name, process_id));
+  if (auto exit = line.parse(arguments)) return *std::move(exit);
+  if (const std::string config = line.words.config; !config.empty()) {
+    TrackerOptions tracker;
+    const auto from_file = read_configuration(config, line.names(), engines_of(&tracker));
+    if (!from_file) return refusal(exit_code(from_file.error().code), from_file.error().message);
+    auto merged = line.lacking(*from_file);
+    if (!merged) return refusal(exit_code(merged.error().code), config + ": " + merged.error().message);
+    merged->insert(merged->end(), arguments.begin(), arguments.end());
+    CommandLine both(default_client_name(host_name, process_id));
+    // The command line itself has been parsed: what is wrong is in the file.
+    if (const auto exit = both.parse(*merged))
+      return refusal(kConfigurationExit, config + ": " + both.complaint);
+    both.words.options.tracker = tracker;
+    return resolved(both);
   }
-  return translate(std::move(words));
+  return resolved(line);
 }
 
 }  // namespace cairn

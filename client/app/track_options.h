@@ -13,6 +13,7 @@
 #include "client/app/parse_exit.h"
 #include "client/capture/imu_source.h"
 #include "client/rig/commander.h"
+#include "client/tracking/tracker_options.h"
 
 namespace cairn {
 
@@ -48,12 +49,15 @@ struct TrackOptions {
   wire::RigSearchPattern rig_search = wire::RigSearchPattern::kSpiral;
   std::string fixated_label;  ///< text; empty: what is in the middle of the image
   ImuRequest imu;
-  int verbosity = 0;  ///< as make_logger()
+  TrackerOptions tracker;  ///< its constants, by a configuration file; what is to be made is said above
+  int verbosity = 0;       ///< as make_logger()
 
   [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
 };
 
-/// `arguments` without the program's name. `host_name` and `process_id` make the default client name.
+/// Reads the command line (`arguments` without the program's name) and the file that --config names; the
+/// command line wins. With --print-config the result is the configuration so resolved, on stdout. `host_name`
+/// and `process_id` make the default client name.
 [[nodiscard]] std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
                                                                         std::string_view host_name,
                                                                         int process_id);

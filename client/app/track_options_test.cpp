@@ -3,6 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
 
 #include "common/map/ids.h"
 
@@ -135,6 +141,81 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
   EXPECT_THAT(wrong({"--map", "desk"}), HasSubstr("--map")) << "a builder's map is its own";
   EXPECT_THAT(wrong({"--role", "reader", "--lost-patience", "5"}), HasSubstr("only a builder begins a map"));
   EXPECT_THAT(wrong({"--no-new-maps", "--lost-patience", "1"}), HasSubstr("only a builder begins a map"));
+}
+
+/// A file of settings, gone with it.
+class SettingsFile {
+ public:
+  explicit SettingsFile(const std::string& text) { std::ofstream(path_) << text; }
+  ~SettingsFile() { std::filesystem::remove(path_); }
+  [[nodiscard]] std::string path() const { return path_.string(); }
+
+ private:
+  static inline int count_ = 0;
+  std::filesystem::path path_ =
+      std::filesystem::temp_directory_path() /
+      ("cairn-track-" + std::to_string(getpid()) + "-" + std::to_string(count_++) + ".yaml");
+};
+
+std::string printed(std::vector<std::string> arguments) {
+  arguments.emplace_back("--print-config");
+  const auto parsed = parse(std::move(arguments));
+  const auto* exit = std::get_if<ParseExit>(&parsed);
+  EXPECT_TRUE(exit != nullptr && exit->code == 0);
+  return exit == nullptr ? "" : exit->text;
+}
+
+TEST(TrackOptions, WhatPrintConfigTellsIsReadAsTheSame) {
+  const SettingsFile constants(
+      "tracker:\n  motion:\n    decay: 0.123456789\n  finder:\n    fine_radius: 9.5\n");
+  const std::vector<std::vector<std::string>> lines = {
+      {},
+      {"--source", "tum:a b#c", "--name", "cam-1", "--no-proposals", "--no-new-maps", "--seed", "99", "-v"},
+      {"--config", constants.path(), "--source", "sim:desk", "--imu-time-offset", "-0.0125", "--imu",
+       "x: y"}};
+  for (const auto& line : lines) {
+    const std::string text = printed(line);
+    EXPECT_THAT(text, HasSubstr("tracker:")) << "the constants, too";
+    const SettingsFile file(text);
+    EXPECT_EQ(printed({"--config", file.path()}), text);
+  }
+}
+
+TEST(TrackOptions, AFileSaysWhatTheCommandLineDoesNot) {
+  const SettingsFile file(
+      "source: tum:here\ndomain: 7\nheadless: true\nno-new-maps: false\npace: max\ntracker:\n  trails: "
+      "{count: 70}\n");
+  const auto options = good({"--config", file.path(), "--domain", "8"});
+  EXPECT_EQ(options.source, "sim:desk");
+  EXPECT_EQ(options.domain, 8);
+  EXPECT_TRUE(options.headless);
+  EXPECT_FALSE(options.no_new_maps);
+  EXPECT_EQ(options.pace, Pace::kMax);
+  EXPECT_EQ(options.tracker.trails.count, 70);
+  const auto alone = parse({"--config", file.path()});
+  ASSERT_TRUE(std::holds_alternative<TrackOptions>(alone));
+  EXPECT_EQ(std::get<TrackOptions>(alone).source, "tum:here");
+}
+
+TEST(TrackOptions, WhatIsWrongWithAFileIsTheFilesFault) {
+  const auto complaint = [](const std::string& text) {
+    const SettingsFile file(text);
+    const auto parsed = parse({"--source", "sim:desk", "--config", file.path()});
+    const auto* exit = std::get_if<ParseExit>(&parsed);
+    EXPECT_TRUE(exit != nullptr && exit->code == 3) << text;
+    return exit == nullptr ? "" : exit->text;
+  };
+  EXPECT_THAT(complaint("domian: 7\n"), HasSubstr("did you mean domain?"));
+  EXPECT_THAT(complaint("domain: 777\n"), HasSubstr("230"));
+  EXPECT_THAT(complaint("headless: perhaps\n"), HasSubstr("true or false"));
+  EXPECT_THAT(complaint("listen: ''\n"), HasSubstr("needs a value"));
+  EXPECT_THAT(complaint("config: other.yaml\n"), HasSubstr("unknown key"));
+  EXPECT_THAT(complaint("tracker:\n  motion:\n    decya: 1\n"),
+              HasSubstr(":3: unknown key 'decya'; did you mean decay?"));
+  EXPECT_THAT(complaint("tracker:\n  motion:\n    decay: 2\n"), HasSubstr("decay is 2: expected 0 to 1"));
+  const auto parsed = parse({"--source", "sim:desk", "--config", "nowhere.yaml"});
+  ASSERT_TRUE(std::holds_alternative<ParseExit>(parsed));
+  EXPECT_EQ(std::get<ParseExit>(parsed).code, 3);
 }
 
 TEST(TrackOptions, KeysThatAreNotThereAreRefusedWithTheRemedy) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,10 +17,18 @@ struct EncoderSample {
   Eigen::Quaterniond base_from_camera = Eigen::Quaterniond::Identity();
 };
 
+struct EncoderTurnOptions {
+  double most_gap = 0.05;    ///< [s] between two samples
+  double most_ahead = 0.02;  ///< [s] that the newest one is taken for the present
+  uint64_t kept = 200;       ///< samples: two seconds
+};
+
 /// How a camera turned by the encoders of the rig that carries it, as far as what carries the rig stands
 /// still. Pure; one thread.
 class EncoderTurns {
  public:
+  explicit EncoderTurns(const EncoderTurnOptions& options = {}) : options_(options) {}
+
   /// In order of time; of time that goes back all is begun anew.
   void add(std::span<const EncoderSample> samples);
   /// The camera at `to` from before. Nothing where samples are missing: before the first, in a gap of more
@@ -29,6 +38,7 @@ class EncoderTurns {
  private:
   [[nodiscard]] std::optional<Eigen::Quaterniond> at(Timestamp time) const;
 
+  EncoderTurnOptions options_;
   std::vector<EncoderSample> samples_;  ///< of the last seconds
 };
 

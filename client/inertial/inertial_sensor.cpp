@@ -7,25 +7,12 @@
 #include "common/geometry/se3.h"
 
 namespace cairn {
-namespace {
-
-constexpr double kMostGap = 0.05;    // [s] between two samples
-constexpr double kMostAhead = 0.02;  // [s] that the newest rate is believed beyond its sample
-constexpr double kKept = 2;          // [s]
-constexpr double kJump = 1;          // [s] back, which no reordering explains
-constexpr double kNoise = 2e-4;      // [rad per square root of a second]: small devices
-// A hand's greatest change of its rate [rad/s^2]: what a rate that is held on to may be off by.
-constexpr double kTurnAcceleration = 50;
-// [rad/s^3]: that acceleration as one of five times a second changes it. A rate that is drawn straight
-// between two samples is off by it.
-constexpr double kTurnJerk = 1500;
-
-}  // namespace
-
-InertialSensor::InertialSensor(const ImuMount& mount) : mount_(mount) {}
+InertialSensor::InertialSensor(const ImuMount& mount, const InertialSensorOptions& options)
+    : options_(options), mount_(mount), bias_(options.bias), up_(options.up) {}
 
 void InertialSensor::use(const ImuMount& mount) {
-  if (mount.camera_from_imu.coeffs() != mount_.camera_from_imu.coeffs()) *this = InertialSensor(mount);
+  if (mount.camera_from_imu.coeffs() != mount_.camera_from_imu.coeffs())
+    *this = InertialSensor(mount, options_);
   for (Rate& rate : rates_) rate.time = rate.time + (mount.clock_offset - mount_.clock_offset);
   mount_ = mount;
 }
@@ -35,8 +22,8 @@ void InertialSensor::add(std::span<const ImuSample> samples) {
     const Timestamp time = sample.time + mount_.clock_offset;
     const bool is_first = rates_.empty();
     double step = is_first ? 0 : seconds_between(time, rates_.back().time);
-    if (step < -kJump) rates_.clear();
-    if (step < -kJump || step > kMostGap) {
+    if (step < -options_.jump) rates_.clear();
+    if (step < -options_.jump || step > options_.most_gap) {
       up_.reset();
       step = 0;
     } else if (!is_first && step <= 0) {
@@ -54,8 +41,8 @@ void InertialSensor::add(std::span<const ImuSample> samples) {
       return seconds_between(rates_.back().time, rate.time) <= seconds;
     });
   };
-  if (seconds_between(rates_.back().time, rates_.front().time) > 2 * kKept)
-    rates_.erase(rates_.begin(), is_kept(kKept));
+  if (seconds_between(rates_.back().time, rates_.front().time) > 2 * options_.kept)
+    rates_.erase(rates_.begin(), is_kept(options_.kept));
 }
 
 /// The last sample at or before a moment.
@@ -81,9 +68,9 @@ std::optional<CameraTurn> InertialSensor::turn(Timestamp from, Timestamp to) con
     if (i + 1 < rates_.size()) {
       const Rate& after = rates_[i + 1];
       const double gap = seconds_between(after.time, before.time);
-      if (gap > kMostGap) return std::nullopt;
+      if (gap > options_.most_gap) return std::nullopt;
       until = std::min(to, after.time);
-      const double off = kTurnJerk * gap * gap * gap / 12;  // as trapezoids are
+      const double off = options_.turn_jerk * gap * gap * gap / 12;  // as trapezoids are
       drawn += off * off;
       // Of the middle of the part that is needed.
       const double part =
@@ -91,15 +78,16 @@ std::optional<CameraTurn> InertialSensor::turn(Timestamp from, Timestamp to) con
       rate += part * (after.rate - before.rate);
     } else {
       ahead = seconds_between(to, before.time);
-      if (ahead > kMostAhead) return std::nullopt;
+      if (ahead > options_.most_ahead) return std::nullopt;
     }
     const Eigen::Vector3d angle = (rate - bias()) * seconds_between(until, at);
     turn.now_from_before = so3_exp(-angle) * turn.now_from_before;
     at = until;
   }
   const double by_bias = bias_.sigma() * seconds;
-  const double guessed = kTurnAcceleration * ahead * ahead / 2;
-  turn.sigma = std::sqrt(kNoise * kNoise * seconds + by_bias * by_bias + guessed * guessed + drawn);
+  const double guessed = options_.turn_acceleration * ahead * ahead / 2;
+  turn.sigma =
+      std::sqrt(options_.noise * options_.noise * seconds + by_bias * by_bias + guessed * guessed + drawn);
   return turn;
 }
 

@@ -19,12 +19,27 @@ struct CameraTurn {
   double sigma = 0;  ///< [rad], per axis
 };
 
+struct InertialSensorOptions {
+  double most_gap = 0.05;    ///< [s] between two samples
+  double most_ahead = 0.02;  ///< [s] that the newest rate is believed beyond its sample
+  double kept = 2;           ///< [s]
+  double jump = 1;           ///< [s] back, which no reordering explains
+  double noise = 2e-4;       ///< [rad per square root of a second] small devices
+  /// A hand's greatest change of its rate [rad/s^2]: what a rate that is held on to may be off by.
+  double turn_acceleration = 50;
+  /// [rad/s^3]: that acceleration as one of five times a second changes it. A rate that is drawn straight
+  /// between two samples is off by it.
+  double turn_jerk = 1500;
+  GyroBiasOptions bias;
+  UpFilterOptions up;
+};
+
 /// What the IMU that is fixed to a camera says of it: how it turned, and where up is. The gyro's bias is
 /// learnt from turns that the camera's images tell. All times are by the camera's clock, all axes the
 /// camera's. Pure; one thread.
 class InertialSensor {
  public:
-  explicit InertialSensor(const ImuMount& mount);
+  explicit InertialSensor(const ImuMount& mount, const InertialSensorOptions& options = {});
 
   /// It sits otherwise, or its clock goes otherwise, than was known: counts for the samples of before too. A
   /// gyro with other axes is begun anew with, its bias as well.
@@ -53,6 +68,7 @@ class InertialSensor {
   };
   [[nodiscard]] std::optional<size_t> first_needed(Timestamp from) const;
 
+  InertialSensorOptions options_;
   ImuMount mount_;
   std::vector<Rate> rates_;  ///< of the last seconds
   GyroBias bias_;

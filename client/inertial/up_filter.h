@@ -9,20 +9,30 @@
 
 namespace cairn {
 
+struct UpFilterOptions {
+  double late = 1.0;                  ///< [s] of which the shaking is a mean
+  double accelerometer_sigma = 0.01;  ///< over g: bias of small devices, half a degree
+  double shaken_for = 0.3;            ///< [s] a hand's accelerations last: samples within tell the same
+  double most_sigma = 0.05;           ///< [rad] of a direction that is told
+};
+
 /// Where up is: carried by the gyro, and drawn to what the accelerometer says (a complementary filter), the
 /// slower the more it is shaken. Pure.
 class UpFilter {
  public:
+  explicit UpFilter(const UpFilterOptions& options = {}) : options_(options) {}
+
   /// One sample, `step` [s] after the one before (0: the first): rate of turn without bias, known to
   /// `rate_sigma` [rad/s], and acceleration, in the camera's axes.
   void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
               double rate_sigma);
-  void reset() { *this = UpFilter(); }
+  void reset() { *this = UpFilter(options_); }
 
   /// At the newest sample. Nothing before the first, and while its sigma is above 3 degrees.
   [[nodiscard]] std::optional<UpDirection> up() const;
 
  private:
+  UpFilterOptions options_;
   Eigen::Vector3d up_ = Eigen::Vector3d::Zero();
   double variance_ = 0;  ///< [rad^2]
   double shaken_ = 0;  ///< mean square of what the accelerometer measures besides gravity, of late, over g^2

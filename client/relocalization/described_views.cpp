@@ -9,16 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMostViews = 100;     // 12 kB each
-constexpr size_t kMostPoints = 300;    // of a view
-constexpr double kViewDistance = 0.1;  // of the mean depth, as keyframes are apart
-constexpr double kViewAngle = 0.15;    // [rad]: an eighth of the image
-constexpr size_t kViewsTried = 4;
-constexpr int kMostDistance = 64;   // bits of 256 that may differ
-constexpr float kMostRatio = 0.8F;  // of the distance to the second nearest (Lowe, IJCV 2004)
-constexpr int kFewestInliers = 15;
-
-/// How far apart two poses are: a radian turns as much out of the image as a step of a depth aside does.
 double apart(const SE3& a_from_map, const SE3& b_from_map, double mean_depth) {
   const double turn = so3_log((a_from_map * b_from_map.inverse()).rotation()).norm();
   return turn + (a_from_map.center() - b_from_map.center()).norm() / mean_depth;
@@ -36,19 +26,19 @@ bool DescribedViews::is_near_another(const MapSnapshot& map, const ViewPose& pos
     const KeyframePose* keyframe = view.map == map.map ? map.find(view.pose.reference) : nullptr;
     if (keyframe == nullptr) return false;
     const SE3 other = view.pose.camera_from_reference * keyframe->camera_from_map;
-    return (other.center() - center).norm() < kViewDistance * pose.mean_depth &&
-           other.rotation().angularDistance(camera_from_map.rotation()) < kViewAngle;
+    return (other.center() - center).norm() < options_.view_distance * pose.mean_depth &&
+           other.rotation().angularDistance(camera_from_map.rotation()) < options_.view_angle;
   });
 }
 
 void DescribedViews::remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,
                               std::span<const SeenPoint> points) {
   if (is_near_another(map, pose)) return;
-  if (views_.size() == kMostViews) views_.pop_front();
+  if (views_.size() == options_.most_views) views_.pop_front();
   View& view = views_.emplace_back();
   view.map = map.map;
   view.pose = pose;
-  const size_t step = points.size() / kMostPoints + 1;
+  const size_t step = points.size() / options_.most_points + 1;
   for (int level = 0; level < kPyramidLevels; ++level) {
     bool is_smoothed = false;
     for (size_t i = 0; i < points.size(); i += step) {
@@ -79,7 +69,7 @@ std::vector<const DescribedViews::View*> DescribedViews::nearest(const MapSnapsh
     ranked.emplace_back(apart(pose.camera_from_reference * keyframe->camera_from_map, last, mean_depth), i);
   }
   std::sort(ranked.begin(), ranked.end());
-  ranked.resize(std::min(ranked.size(), kViewsTried));
+  ranked.resize(std::min<size_t>(ranked.size(), options_.views_tried));
   std::vector<const View*> out;
   out.reserve(ranked.size());
   for (const auto& [distance, i] : ranked) out.push_back(&views_[i]);
@@ -101,8 +91,8 @@ std::vector<PointObservation> DescribedViews::match(const PlaceView& frame, cons
     for (size_t i = 0; i < view->points.size(); ++i) {
       const NearestDescriptor near = find_nearest(view->descriptors[i], corners);
       const bool is_like =
-          near.index >= 0 && near.distance <= kMostDistance &&
-          static_cast<float>(near.distance) <= kMostRatio * static_cast<float>(near.second_distance);
+          near.index >= 0 && near.distance <= options_.most_distance &&
+          static_cast<float>(near.distance) <= options_.most_ratio * static_cast<float>(near.second_distance);
       if (!is_like) continue;
       Match& match = best[static_cast<size_t>(near.index)];
       if (near.distance < match.distance) match = {near.distance, view->points[i]};
@@ -110,7 +100,7 @@ std::vector<PointObservation> DescribedViews::match(const PlaceView& frame, cons
   }
   std::vector<PointObservation> observations;
   for (size_t i = 0; i < best.size(); ++i) {
-    const auto slot = best[i].distance <= kMostDistance ? map.find(best[i].point) : std::nullopt;
+    const auto slot = best[i].distance <= options_.most_distance ? map.find(best[i].point) : std::nullopt;
     if (!slot) continue;
     const PointBlock& block = *map.point_blocks[static_cast<size_t>(slot->block)];
     if ((block.live >> slot->slot & 1) == 0) continue;
@@ -125,7 +115,7 @@ std::optional<SE3> DescribedViews::recognize(const PlaceView& frame, const Camer
                                              uint64_t seed) const {
   const std::vector<const View*> views = nearest(map, last, mean_depth);
   PoseRansacOptions options;
-  options.min_inliers = kFewestInliers;
+  options.min_inliers = options_.fewest_inliers;
   options.seed = seed;
   const auto pose = ransac_pose(camera, match(frame, map, views), options);
   if (!pose) return std::nullopt;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <optional>
 #include <span>
@@ -30,12 +31,25 @@ struct ViewPose {
   double mean_depth = 1;  ///< [map unit] of what it shows
 };
 
+struct DescribedViewsOptions {
+  uint64_t most_views = 100;   ///< 12 kB each
+  uint64_t most_points = 300;  ///< of a view
+  double view_distance = 0.1;  ///< [mean depths] between views, as keyframes are apart
+  double view_angle = 0.15;    ///< [rad] likewise: an eighth of the image
+  uint64_t views_tried = 4;
+  int most_distance = 64;   ///< [bits of 256] that may differ
+  float most_ratio = 0.8F;  ///< of the distance to the second nearest (Lowe, IJCV 2004)
+  int fewest_inliers = 15;  ///< of a pose that is believed
+};
+
 /// How the points of a map look in the frames that were tracked well, so that a tracker that has just lost
 /// its map recognizes it by itself: corners of a frame are matched with the points of the views nearest to
 /// the last pose, and a pose is fitted to the matches. Poses are kept relative to a keyframe, so they survive
 /// adjustments. Bounded: the oldest views go first. Pure; one thread.
 class DescribedViews {
  public:
+  explicit DescribedViews(const DescribedViewsOptions& options = {}) : options_(options) {}
+
   /// Describes the points of a frame if its camera is far enough from the views described so far.
   void remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,
                 std::span<const SeenPoint> points);
@@ -61,6 +75,7 @@ class DescribedViews {
   [[nodiscard]] std::vector<PointObservation> match(const PlaceView& frame, const MapSnapshot& map,
                                                     std::span<const View* const> views) const;
 
+  DescribedViewsOptions options_;
   std::deque<View> views_;
   GrayImage smoothed_;
 };

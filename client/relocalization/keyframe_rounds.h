@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 
 #include "common/geometry/se3.h"
@@ -11,12 +12,17 @@
 
 namespace cairn {
 
+struct KeyframeRoundsOptions {
+  uint64_t per_frame = 3;    ///< as many as cost a frame's time
+  double look_aside = 0.12;  ///< [rad] between successive rounds
+};
+
 /// Poses to look from when nothing is known of where the camera is in a map and nobody can be asked: those of
 /// its keyframes, round after round, each round turned another way, since a camera that stands still would
 /// never come nearer to a keyframe's direction. One thread.
 class KeyframeRounds {
  public:
-  static constexpr size_t kPerFrame = 3;  ///< as many as cost a frame's time
+  explicit KeyframeRounds(const KeyframeRoundsOptions& options = {}) : options_(options) {}
 
   /// The next pose; nothing for a map without keyframes.
   [[nodiscard]] std::optional<SE3> next(const MapSnapshot& map) {
@@ -26,7 +32,7 @@ class KeyframeRounds {
     const size_t count = map.keyframe_count();
     if (count == 0) return std::nullopt;
     size_t left = taken_ % count;
-    const Eigen::Vector3d turn = kLookAside * turns[taken_ / count % turns.size()];
+    const Eigen::Vector3d turn = options_.look_aside * turns[taken_ / count % turns.size()];
     ++taken_;
     for (const auto& block : map.keyframe_blocks) {
       for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {
@@ -38,7 +44,7 @@ class KeyframeRounds {
   }
 
  private:
-  static constexpr double kLookAside = 0.12;  ///< [rad] between successive rounds
+  KeyframeRoundsOptions options_;
   size_t taken_ = 0;
 };
 

@@ -7,10 +7,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kPlaceBlur = 2.5F;      // PTAM r114
-constexpr size_t kMostViews = 400;      // 5 kB each
-constexpr double kViewDistance = 0.05;  // of the mean depth
-constexpr double kViewAngle = 0.07;     // [rad]
+constexpr float kPlaceBlur = 2.5F;  // PTAM r114
 
 }  // namespace
 
@@ -29,9 +26,11 @@ void PlaceMemory::remember(const FrameImages& frame, const MapSnapshot& map, Key
     const View& view = *it;
     if (view.map != map.map || view.reference != reference) continue;
     const Vector6d step = (camera_from_reference * view.camera_from_reference.inverse()).log();
-    if (step.head<3>().norm() < kViewDistance * mean_depth && step.tail<3>().norm() < kViewAngle) return;
+    if (step.head<3>().norm() < options_.view_distance * mean_depth &&
+        step.tail<3>().norm() < options_.view_angle)
+      return;
   }
-  if (views_.size() == kMostViews) views_.pop_front();
+  if (views_.size() == options_.most_views) views_.pop_front();
   views_.push_back({place_image(frame), map.map, reference, camera_from_reference});
 }
 

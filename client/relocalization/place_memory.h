@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <optional>
 #include <utility>
@@ -19,12 +20,20 @@ namespace cairn {
 /// How the camera turned between two place images; not at all where they have nothing in common.
 [[nodiscard]] SE3 turn_between(const TinyImage& then, const TinyImage& now, const Camera& camera);
 
+struct PlaceMemoryOptions {
+  uint64_t most_views = 400;    ///< 5 kB each
+  double view_distance = 0.05;  ///< [mean depths] between views
+  double view_angle = 0.07;     ///< [rad] likewise
+};
+
 /// The tracker's own memory of where it was: tiny images of frames it tracked well with their poses (Klein
 /// and Murray, ECCV 2008, kept at the client), so that a tracker that is lost finds back to where it has been
 /// without asking anyone. Poses are kept relative to a keyframe, so they survive adjustments and a server
 /// that comes back with the map. Of all maps that it was in; bounded: the oldest views go first. One thread.
 class PlaceMemory {
  public:
+  explicit PlaceMemory(const PlaceMemoryOptions& options = {}) : options_(options) {}
+
   /// Remembers a frame if its camera is far enough from the views remembered last.
   void remember(const FrameImages& frame, const MapSnapshot& map, KeyframeId reference,
                 const SE3& camera_from_reference, double mean_depth);
@@ -40,6 +49,7 @@ class PlaceMemory {
     KeyframeId reference;
     SE3 camera_from_reference;
   };
+  PlaceMemoryOptions options_;
   std::deque<View> views_;
   std::vector<std::pair<float, size_t>> ranked_;  ///< kept for its memory
 };

@@ -6,20 +6,6 @@
 #include <utility>
 
 namespace cairn {
-namespace {
-
-constexpr int kVerificationFrames = 3;  // in a row
-constexpr float kHypothesisQuality =
-    0.25F;  // for a place that geometry or motion speaks for: it may be poorly mapped
-constexpr double kSamePlace = 0.03;   // [depths] a pose may be off and be right
-constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
-// A camera that has been lost for longer, or has since seen what no map is known of, may have been carried
-// elsewhere, to a place that looks the same from where it was [s].
-constexpr double kStillHere = 1.0;
-constexpr double kServerPatience = 0.2;  // [s] an answer takes a frame or two
-
-}  // namespace
-
 void Recovery::start_over(bool insists) {
   state_ = Starting{insists};
   query_.restart();
@@ -40,7 +26,7 @@ void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp ti
 
 void Recovery::begin_verifying(const PoseStart& start, Timestamp time) {
   Verifying verification;
-  verification.frames_left = kVerificationFrames;
+  verification.frames_left = options_.verification_frames;
   verification.needed_quality = start.quality;
   if (const Lost* lost = as<Lost>()) {
     verification.memories_tried = lost->memories_tried;
@@ -69,7 +55,7 @@ bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time, 
 bool Recovery::needs_more(const Verifying& verification, Timestamp time) const {
   if (verification.frames_left > 0) return true;
   return lacks_answer() && !query_.nobody_answers() &&
-         std::abs(seconds_between(time, *verification.answer_needed_from)) < kServerPatience;
+         std::abs(seconds_between(time, *verification.answer_needed_from)) < options_.server_patience;
 }
 
 void Recovery::turn_away() {
@@ -112,7 +98,7 @@ void Recovery::begin_frame(const MapSnapshot& map, double near_depth, Timestamp 
   is_compared_ = false;
   region_ = path_.reachable(map, time);
   if (!region_) return;
-  region_->radius += kSamePlace * near_depth;
+  region_->radius += options_.same_place * near_depth;
   if (!(region_->radius < near_depth)) region_.reset();  // that is anywhere in the scene
 }
 
@@ -123,7 +109,7 @@ std::optional<PoseStart> Recovery::next_start(const FrameImages& frame, const Ma
     const Source source = source_;
     if (source >= Source::kOutOfReach && !out_of_reach_.empty()) return next_out_of_reach();
     if (source == Source::kNone) return std::nullopt;
-    const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < KeyframeRounds::kPerFrame;
+    const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < options_.rounds.per_frame;
     if (!is_repeated) source_ = static_cast<Source>(static_cast<int>(source) + 1);
     if (!is_worth_trying(source, time)) continue;
     if (source == Source::kRejected && hypothesis_pose_) query_.reject(time);
@@ -145,7 +131,8 @@ PoseStart Recovery::next_out_of_reach() {
 void Recovery::compare_within_reach(const PoseStart& found) {
   out_of_reach_.push_front({found, true});
   out_of_reach_.push_front(
-      {{within_reach(found.camera_from_map), PoseStart::Reach::kNear, kVerifiedQuality, true}, true});
+      {{within_reach(found.camera_from_map), PoseStart::Reach::kNear, options_.verified_quality, true},
+       true});
 }
 
 std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPose& found, Timestamp time) {
@@ -153,11 +140,11 @@ std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPo
   needed.camera_from_map = found.camera_from_map;
   const bool is_near = is_reachable(found.camera_from_map);
   if (is_near && region_) {
-    shows_within_reach_ |= found.points >= kFewestPoints && found.quality >= options_.least_quality;
-    needed.quality = std::min(needed.quality, kHypothesisQuality);
+    shows_within_reach_ |= found.points >= options_.fewest_points && found.quality >= options_.least_quality;
+    needed.quality = std::min(needed.quality, options_.hypothesis_quality);
     if (!may_be_elsewhere(time) && !was_lost_at_cut()) needed.is_own_guess = false;
   }
-  if (found.points < kFewestPoints || found.quality < needed.quality) return std::nullopt;
+  if (found.points < options_.fewest_points || found.quality < needed.quality) return std::nullopt;
   if (is_near) return needed;
   if (!is_compared_) compare_within_reach(needed);
   if (!is_compared_ || shows_within_reach_) return std::nullopt;
@@ -191,9 +178,9 @@ bool Recovery::is_worth_trying(Source source, Timestamp time) const {
 std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& frame, const MapSnapshot& map,
                                               const SE3& last, double mean_depth) {
   using Reach = PoseStart::Reach;
-  const auto guess = [](const std::optional<SE3>& pose, Reach reach) -> std::optional<PoseStart> {
+  const auto guess = [this](const std::optional<SE3>& pose, Reach reach) -> std::optional<PoseStart> {
     if (!pose) return std::nullopt;
-    return PoseStart{*pose, reach, kVerifiedQuality, true};
+    return PoseStart{*pose, reach, options_.verified_quality, true};
   };
   switch (source) {
     case Source::kContinued:
@@ -205,10 +192,10 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
       // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
       hypothesis_pose_ = query_.take(frame, *camera_, map);
       if (!hypothesis_pose_ || !query_.took_confirmed()) return std::nullopt;
-      return PoseStart{*hypothesis_pose_, Reach::kNear, kHypothesisQuality, false};
+      return PoseStart{*hypothesis_pose_, Reach::kNear, options_.hypothesis_quality, false};
     case Source::kHypothesis:
       if (!hypothesis_pose_) return std::nullopt;
-      return PoseStart{*hypothesis_pose_, Reach::kWide, kHypothesisQuality, false};
+      return PoseStart{*hypothesis_pose_, Reach::kWide, options_.hypothesis_quality, false};
     case Source::kCorners:
       return guess(by_corners(frame, map, last, mean_depth), Reach::kNear);
     case Source::kMemory:
@@ -227,7 +214,7 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
 
 size_t Recovery::next_memory() {
   auto* lost = std::get_if<Lost>(&state_);
-  return lost == nullptr ? 0 : lost->memories_tried++ % kMemoriesTried;
+  return lost == nullptr ? 0 : lost->memories_tried++ % options_.memories_tried;
 }
 
 SE3 Recovery::within_reach(const SE3& turned) const {
@@ -252,7 +239,7 @@ std::optional<SE3> Recovery::by_corners(const FrameImages& frame, const MapSnaps
 
 bool Recovery::may_be_elsewhere(Timestamp time) const {
   const double since = seconds_between(time, verified_time_);
-  return since < 0 || since > kStillHere || query_.is_elsewhere();
+  return since < 0 || since > options_.still_here || query_.is_elsewhere();
 }
 
 std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timestamp time, bool may_enter,

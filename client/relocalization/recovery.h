@@ -74,9 +74,25 @@ struct PoseStart {
 };
 
 struct RecoveryOptions {
-  int lost_after_failed_frames = 3;
-  uint64_t seed = 1;            ///< of random choices
-  float least_quality = 0.13F;  ///< share found of a pose that shows anything
+  int lost_after_failed_frames = 3;  ///< [frames] in a row
+  uint64_t seed = 1;                 ///< of random choices
+  float least_quality = 0.13F;       ///< share found of a pose that shows anything
+  int fewest_points = 25;            ///< that must be found of a pose that was looked for,
+  float verified_quality = 0.4F;     ///< and their share, where nothing else speaks for it
+  /// Their share for a place that geometry or motion speaks for: it may be poorly mapped.
+  float hypothesis_quality = 0.25F;
+  int verification_frames = 3;  ///< [frames] in a row
+  double same_place = 0.03;     ///< [depths] a pose may be off and be right
+  uint64_t memories_tried = 3;  ///< candidates of the memory, by successive frames
+  /// [s] A camera that has been lost for longer, or has since seen what no map is known of, may have been
+  /// carried elsewhere, to a place that looks the same from where it was.
+  double still_here = 1.0;
+  double server_patience = 0.2;  ///< [s] an answer takes a frame or two
+  RelocQueryOptions query = {};
+  PlaceMemoryOptions places = {};
+  DescribedViewsOptions views = {};
+  KeyframeRoundsOptions rounds = {};
+  VerifiedPathOptions path = {};
 };
 
 /// What was found by searching from it.
@@ -91,13 +107,14 @@ struct FoundPose {
 /// images: the tracker searches from the poses that it names and reports what came of it. Pure; one thread.
 class Recovery {
  public:
-  /// Points that must be found of a pose that was looked for.
-  static constexpr int kFewestPoints = 25;
-  /// And their share, where nothing else speaks for it.
-  static constexpr float kVerifiedQuality = 0.4F;
-
   Recovery(CameraPtr camera, const RecoveryOptions& options)
-      : camera_(std::move(camera)), options_(options) {}
+      : camera_(std::move(camera)),
+        options_(options),
+        query_(options.query),
+        places_(options.places),
+        views_(options.views),
+        rounds_(options.rounds),
+        path_(options.path) {}
 
   /// Other values of the same camera, from now on.
   void use_camera(CameraPtr camera) { camera_ = std::move(camera); }

@@ -157,7 +157,7 @@ TEST_F(RecoveryTest, WhoIsLostLooksWhereItWasUntilItMayBeElsewhere) {
   ASSERT_GE(soon.size(), 2U) << "the memory, the last pose";
   for (const PoseStart& start : soon) {
     EXPECT_TRUE(start.is_own_guess);
-    EXPECT_GE(start.quality, Recovery::kVerifiedQuality);
+    EXPECT_GE(start.quality, RecoveryOptions().verified_quality);
     EXPECT_LT((start.camera_from_map * home.inverse()).log().norm(), 0.02);
   }
   EXPECT_TRUE(starts(at(1500)).empty()) << "carried elsewhere, maybe";
@@ -177,7 +177,7 @@ class RecoveryOnTheWay : public RecoveryTest {
 
   SE3 went_on_to = looking_down(0.02 * 36, 0);
   SE3 a_period_back = looking_down(0.02 * 36 - 0.5, 0);
-  PoseStart own{went_on_to, PoseStart::Reach::kWide, Recovery::kVerifiedQuality, true};
+  PoseStart own{went_on_to, PoseStart::Reach::kWide, RecoveryOptions().verified_quality, true};
   PoseStart of_others{a_period_back, PoseStart::Reach::kNear, 0.25F, false};
 };
 
@@ -232,7 +232,7 @@ TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoAnswer) {
   ASSERT_TRUE(near);
   EXPECT_LE(near->quality, 0.3F);
   EXPECT_FALSE(near->is_own_guess);
-  EXPECT_FALSE(recovery.believe(own, {went_on_to, Recovery::kFewestPoints - 1, 0.3F}, at(33 * 36)));
+  EXPECT_FALSE(recovery.believe(own, {went_on_to, RecoveryOptions().fewest_points - 1, 0.3F}, at(33 * 36)));
   EXPECT_TRUE(recovery.confirm(0.6F, here, at(33 * 37)));
   for (int i = 0; i < kFailuresToLose; ++i) recovery.fail(true, at(33 * 37));
   recovery.begin_frame(*map, 1.0, at(33 * 38));
@@ -264,7 +264,7 @@ TEST_F(RecoveryOnTheWay, WhatShowsWithinReachWinsOverMoreOutOfReach) {
     ASSERT_TRUE(again);
     EXPECT_LT((again->camera_from_map * a_period_back.inverse()).log().norm(), 0.01);
     const auto believed = recovery.believe(*again, {a_period_back, 600, 0.8F}, at(33 * 36));
-    EXPECT_EQ(believed.has_value(), within < Recovery::kFewestPoints);
+    EXPECT_EQ(believed.has_value(), within < RecoveryOptions().fewest_points);
     EXPECT_GE(believed.value_or(of_others).quality, of_others.quality);
     EXPECT_FALSE(recovery.next_start(frame, *map, home, 1.0, at(33 * 36)));
   }
@@ -284,7 +284,7 @@ TEST_F(RecoveryTest, WhereNobodyAnswersTheKeyframesAreLookedThrough) {
   ASSERT_NE(recovery.ask(frame, at(2600), true), nullptr) << "given up";
   int quick = 0;
   for (const PoseStart& start : starts(at(2600))) quick += start.reach == PoseStart::Reach::kQuick ? 1 : 0;
-  EXPECT_EQ(quick, static_cast<int>(KeyframeRounds::kPerFrame));
+  EXPECT_EQ(quick, static_cast<int>(KeyframeRoundsOptions().per_frame));
 }
 
 TEST_F(RecoveryTest, AnotherMapIsEnteredFromALostOneOrACutOnly) {

@@ -5,16 +5,9 @@
 #include <cmath>
 
 namespace cairn {
-namespace {
-
-constexpr int kEnough = 8;          ///< times in vain; blur alone may spoil some
-constexpr double kRemembered = 10;  ///< [s] after the latest
-
-}  // namespace
-
 void RejectedHypotheses::reject(const PoseHypothesis& place, Timestamp time) {
   std::erase_if(places_, [&](const Place& p) {
-    return std::abs(seconds_between(p.latest, time)) > kRemembered;  // recordings may jump back
+    return std::abs(seconds_between(p.latest, time)) > options_.remembered;  // recordings may jump back
   });
   auto known = std::find_if(places_.begin(), places_.end(), [&](const Place& p) {
     return p.map == place.map && p.epoch == place.epoch && p.reference == place.reference;
@@ -28,7 +21,7 @@ void RejectedHypotheses::reject(const PoseHypothesis& place, Timestamp time) {
 bool RejectedHypotheses::is_rejected(const PoseHypothesis& place, Timestamp time) const {
   return std::any_of(places_.begin(), places_.end(), [&](const Place& p) {
     return p.map == place.map && p.epoch == place.epoch && p.reference == place.reference &&
-           p.times >= kEnough && std::abs(seconds_between(p.latest, time)) <= kRemembered;
+           p.times >= options_.enough && std::abs(seconds_between(p.latest, time)) <= options_.remembered;
   });
 }
 

@@ -6,21 +6,12 @@
 #include "client/relocalization/place_memory.h"
 
 namespace cairn {
-namespace {
-
-constexpr double kQueryInterval = 1.0 / 15 - 1e-3;  // [s]
-constexpr double kAnswerPatience = 0.5;             // [s]
-constexpr double kFresh = 1.0;                      // [s]
-constexpr size_t kMuchToSee = 100;                  // corners, of the 880 that are described at most
-
-}  // namespace
-
 std::shared_ptr<const PlaceView> RelocQueryState::ask(const FrameImages& frame, Timestamp time,
                                                       const std::optional<UpDirection>& up) {
   if (asked_) {
     const double since = seconds_between(time, *asked_);
     // Recordings may jump back: a query from the future is an old one.
-    if (since >= 0 && since < (under_way_ ? kAnswerPatience : kQueryInterval)) return nullptr;
+    if (since >= 0 && since < (under_way_ ? options_.patience : options_.interval)) return nullptr;
     if (since >= 0 && under_way_) nobody_answers_ = true;
   }
   asked_ = time;
@@ -28,7 +19,7 @@ std::shared_ptr<const PlaceView> RelocQueryState::ask(const FrameImages& frame, 
   tiny_ = place_image(frame);
   auto view = std::make_shared<PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
   view->up = up;
-  shows_much_ = view->corners.size() >= kMuchToSee;
+  shows_much_ = view->corners.size() >= options_.much_to_see;
   return view;
 }
 
@@ -44,7 +35,7 @@ bool RelocQueryState::answered(const std::optional<PoseHypothesis>& hypothesis) 
 
 void RelocQueryState::restart() {
   RejectedHypotheses rejected = std::move(rejected_);
-  *this = {};
+  *this = RelocQueryState(options_);
   rejected_ = std::move(rejected);
 }
 
@@ -71,7 +62,7 @@ std::optional<SE3> RelocQueryState::take(const FrameImages& frame, const Camera&
 
 bool RelocQueryState::is_not_known(Timestamp begin, Timestamp time) const {
   return not_known_ && *not_known_ >= begin && *not_known_ <= time &&
-         seconds_between(time, *not_known_) <= kFresh;
+         seconds_between(time, *not_known_) <= options_.fresh;
 }
 
 }  // namespace cairn

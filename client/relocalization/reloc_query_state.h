@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 
@@ -14,11 +15,22 @@
 
 namespace cairn {
 
+struct RelocQueryOptions {
+  double interval = 1.0 / 15 - 1e-3;  ///< [s] between an answer and the next query, at least
+  double patience = 0.5;              ///< [s] for an answer; then another query is made
+  double fresh = 1.0;                 ///< [s] for which an answer says what is
+  uint64_t much_to_see = 100;         ///< corners, of the 880 that are described at most
+  RejectedHypothesesOptions rejected;
+};
+
 /// The relocalization query (where is the camera?) and its answer, as the tracker sees them: one query is
 /// under way, at most 15 are made a second in the time of the frames, and one without an answer is given up
 /// after half a second. Pure; one thread.
 class RelocQueryState {
  public:
+  explicit RelocQueryState(const RelocQueryOptions& options = {})
+      : options_(options), rejected_(options.rejected) {}
+
   /// The frame described, if a query may be made now; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
                                                      const std::optional<UpDirection>& up = {});
@@ -65,6 +77,7 @@ class RelocQueryState {
   [[nodiscard]] bool nobody_answers() const { return nobody_answers_; }
 
  private:
+  RelocQueryOptions options_;
   std::optional<Timestamp> asked_;  ///< when the latest query was made
   bool under_way_ = false;
   bool nobody_answers_ = false;

@@ -9,13 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kWindow = 2.0;     // [s] of which the acceleration is learnt
-constexpr double kLag = 1.0 / 3;    // [s] of which the velocity is
-constexpr double kShortest = 0.1;   // [s] of a path that says something
-constexpr double kSpacing = 0.031;  // [s] of what is kept
-// Hands are no Gaussians: of what recordings with truth did in 0.1 to 2 s, 99 % lie within six to seven.
-constexpr double kSigmas = 6.0;
-
 struct Place {
   double back = 0;  ///< [s] before the latest
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -68,7 +61,7 @@ std::optional<double> density_of(Places path, double lag) {
 }  // namespace
 
 void VerifiedPath::add(const AnchoredPose& pose, Timestamp time) {
-  const bool is_close = count_ >= 2 && std::abs(seconds_between(time, entry(1).time)) < kSpacing;
+  const bool is_close = count_ >= 2 && std::abs(seconds_between(time, entry(1).time)) < options_.spacing;
   if (is_close) next_ = (next_ + kMost - 1) % kMost;
   entries_[next_] = {pose, time};
   next_ = (next_ + 1) % kMost;
@@ -85,20 +78,20 @@ std::optional<ReachableRegion> VerifiedPath::reachable(const MapSnapshot& map, T
   for (; count < count_; ++count) {
     const double seconds = seconds_between(entry(0).time, entry(count).time);
     const auto pose = pose_in(map, entry(count).pose);
-    if (!pose || seconds < 0 || seconds > kWindow + 2 * kLag) break;
+    if (!pose || seconds < 0 || seconds > options_.window + 2 * options_.lag) break;
     places[count] = {seconds, pose->center()};
   }
   const Places path = std::span(places).first(count);
-  if (path.empty() || path.back().back < kShortest) return std::nullopt;
+  if (path.empty() || path.back().back < options_.shortest) return std::nullopt;
   const double seconds = seconds_between(time, entry(0).time);
-  const double lag = std::min(kLag, path.back().back / 2 - kSpacing);
+  const double lag = std::min(options_.lag, path.back().back / 2 - options_.spacing);
   const auto earlier = before(path, 0, lag);
   const auto density = density_of(path, lag);
   if (seconds < 0 || !earlier || !density) return std::nullopt;
   const double span = path[*earlier].back;
   const Eigen::Vector3d velocity = (path[0].centre - path[*earlier].centre) / span;
   const double sigma = std::sqrt(*density / 3 * variance_of(seconds, span));
-  return ReachableRegion{path[0].centre + seconds * velocity, kSigmas * sigma};
+  return ReachableRegion{path[0].centre + seconds * velocity, options_.sigmas * sigma};
 }
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 
 #include "client/relocalization/anchored_pose.h"
@@ -21,6 +22,14 @@ struct ReachableRegion {
   }
 };
 
+struct VerifiedPathOptions {
+  double window = 2.0;     ///< [s] of which the acceleration is learnt
+  double lag = 1.0 / 3;    ///< [s] of which the velocity is
+  double shortest = 0.1;   ///< [s] of a path that says something
+  double spacing = 0.031;  ///< [s] of what is kept, 96 poses at most
+  double sigmas = 6.0;     ///< [sigma] of where the camera is expected, that it may be off
+};
+
 /// The poses verified in the last seconds, and by them how well constant velocity foretells this camera: what
 /// that missed by is the noise of its acceleration (white; Bar-Shalom, Li and Kirubarajan 2001, section
 /// 6.2.2), and with it the place of a camera that is hidden becomes uncertain. Without units: a map's own and
@@ -28,6 +37,8 @@ struct ReachableRegion {
 /// step between two frames is mostly noise. Bounded; pure; one thread.
 class VerifiedPath {
  public:
+  explicit VerifiedPath(const VerifiedPathOptions& options = {}) : options_(options) {}
+
   /// The next one.
   void add(const AnchoredPose& pose, Timestamp time);
   /// The camera was found again or starts anew: of how it moves, the poses so far say nothing.
@@ -50,6 +61,7 @@ class VerifiedPath {
   /// `back`: 0 is the latest.
   [[nodiscard]] const Entry& entry(size_t back) const { return entries_[(next_ + kMost - 1 - back) % kMost]; }
 
+  VerifiedPathOptions options_;
   std::array<Entry, kMost> entries_;
   size_t next_ = 0;
   size_t count_ = 0;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tracking/dead_reckoning.h"
 
-#include "client/tracking/pose_judgement.h"
-
 namespace cairn {
 
 std::optional<DeadReckoning::Reckoned> DeadReckoning::by_corners(const FrameImages& now, const SE3& expected,
@@ -17,9 +15,10 @@ std::optional<DeadReckoning::Reckoned> DeadReckoning::by_corners(const FrameImag
   corners_.update(
       now, {located->camera_from_map, located->covariance, located->judgement.support, depths.mean}, map, {});
   // It may be known well enough to turn about, and not to stand still beside what is near.
-  const bool stands_still = located->judgement.support == PoseSupport::kPosition &&
-                            located->judgement.position_sigma * depths.mean < kKnownPosition * depths.near;
-  return Reckoned{located->camera_from_map, stands_still && frames_ <= kPositionHeld};
+  const bool stands_still =
+      located->judgement.support == PoseSupport::kPosition &&
+      located->judgement.position_sigma * depths.mean < judgement_.known_position * depths.near;
+  return Reckoned{located->camera_from_map, stands_still && frames_ <= options_.position_held};
 }
 
 void DeadReckoning::follow_turn(const FrameImages& now, const SE3& camera_from_map, double sigma,
@@ -32,8 +31,8 @@ void DeadReckoning::follow_turn(const FrameImages& now, const SE3& camera_from_m
 
 bool DeadReckoning::follow_small_images(const FrameImages& now, const SE3& camera_from_map, float likeness,
                                         double mean_depth, const MapSnapshot& map) {
-  if (frames_ == 0 || likeness < kSameTurn || blind_frames_ >= kBlind) return false;
-  follow_turn(now, camera_from_map, kBlindSigma, mean_depth, map);
+  if (frames_ == 0 || likeness < options_.same_turn || blind_frames_ >= options_.blind) return false;
+  follow_turn(now, camera_from_map, options_.blind_sigma, mean_depth, map);
   return true;
 }
 

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "client/tracking/point_search.h"
+#include "client/tracking/pose_judgement.h"
 #include "client/tracking/provisional_points.h"
 #include "common/geometry/se3.h"
 #include "common/image/frame_images.h"
@@ -12,18 +13,31 @@
 
 namespace cairn {
 
+/// Frames without the map: corners hold the rotation for so long, and the position, whose errors add up from
+/// frame to frame.
+struct DeadReckoningOptions {
+  int rotation_held = 150;  ///< [frames]
+  int position_held = 15;   ///< [frames]
+  /// [frames] in a row in which nothing is followed: the small images err by some hundredths of the turn.
+  int blind = 3;
+  double blind_sigma = 0.003;  ///< [rad], and over the depth
+  float same_turn = 0.9F;      ///< correlation of small images that say so
+};
+
 /// Where a camera is while its map is out of sight: by the corners that it followed when it knew where it
 /// was (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and for a few frames by the turn alone that the
 /// gyro or the small images tell. Errors add up, so how long it is believed is bounded. Pure; one thread.
 class DeadReckoning {
  public:
   /// The corners are followed for longer than they are needed here: the owner's.
-  explicit DeadReckoning(ProvisionalPoints* corners) : corners_(*corners) {}
+  DeadReckoning(ProvisionalPoints* corners, const DeadReckoningOptions& options,
+                const PoseJudgementOptions& judgement)
+      : corners_(*corners), options_(options), judgement_(judgement) {}
 
   /// The map was seen, or is another.
   void seen() { frames_ = blind_frames_ = 0; }
   /// It has gone on for as long as it may.
-  [[nodiscard]] bool is_over() const { return frames_ >= kRotationHeld; }
+  [[nodiscard]] bool is_over() const { return frames_ >= options_.rotation_held; }
 
   /// [map unit] of what the camera looked at when the map was seen last.
   struct Depths {
@@ -49,16 +63,9 @@ class DeadReckoning {
                                          double mean_depth, const MapSnapshot& map);
 
  private:
-  // Frames without the map: corners hold the rotation for so long, and the position, whose errors add up
-  // from frame to frame.
-  static constexpr int kRotationHeld = 150;
-  static constexpr int kPositionHeld = 15;
-  // Frames in a row in which nothing is followed: the small images err by some hundredths of the turn.
-  static constexpr int kBlind = 3;
-  static constexpr double kBlindSigma = 0.003;  // [rad], and over the depth
-  static constexpr float kSameTurn = 0.9F;      // correlation of small images that say so
-
   ProvisionalPoints& corners_;
+  DeadReckoningOptions options_;
+  PoseJudgementOptions judgement_;
   int frames_ = 0;        ///< since the map was seen
   int blind_frames_ = 0;  ///< since a corner was followed
 };

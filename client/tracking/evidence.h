@@ -5,9 +5,19 @@
 
 #include "client/relocalization/recovery.h"
 #include "client/tracking/pose_finder.h"
-#include "client/tracking/tracker_options.h"
 
 namespace cairn {
+
+struct TrackerOptions;
+
+struct EvidenceOptions {
+  /// A place where the camera can have got to since it was tracked needs this share of the quality it had.
+  float quality_kept = 0.7F;
+  /// Share found: points followed from the frame before may agree of a map that has most of its points
+  /// elsewhere.
+  float flow_quality = 0.1F;
+  int enough_points = 50;  ///< found, with which a pose is sound although most of the map is out of sight
+};
 
 /// What speaks for the pose from which a frame was searched.
 enum class PoseOrigin : uint8_t {
@@ -25,9 +35,6 @@ struct FrameEvidence {
   bool is_leap = false;  ///< the pose is farther from where it was expected than a hand moves a camera
   bool is_cut = false;   ///< the frame has nothing in common with the one before
 };
-
-/// Points found with which a pose is sound although most of the map is out of sight.
-inline constexpr int kEnoughPoints = 50;
 
 /// How far the pose is to be believed, by all that is known of the frame and of those before it. Pure.
 [[nodiscard]] PoseVerdict judge_frame(const FrameEvidence& evidence, PoseOrigin origin,

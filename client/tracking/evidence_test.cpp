@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "client/tracking/tracker_options.h"
+
 namespace cairn {
 namespace {
 
@@ -26,10 +28,10 @@ TEST(Evidence, WhileItTracksTheShareDecides) {
 }
 
 TEST(Evidence, APoorPoseMustNotLeapNorComeOutOfACut) {
-  FrameEvidence leap = seen(PoseVerdict::kPoor, kEnoughPoints - 1, 0.2F);
+  FrameEvidence leap = seen(PoseVerdict::kPoor, kOptions.evidence.enough_points - 1, 0.2F);
   leap.is_leap = true;
   EXPECT_EQ(by_motion(leap, Tracking{0.8F}), PoseVerdict::kBad);
-  leap.found = kEnoughPoints;
+  leap.found = kOptions.evidence.enough_points;
   EXPECT_EQ(by_motion(leap, Tracking{0.8F}), PoseVerdict::kPoor);
   FrameEvidence cut = seen(PoseVerdict::kPoor, 200, 0.2F);
   cut.is_cut = true;
@@ -44,17 +46,18 @@ TEST(Evidence, AfterAFailureMostMustBeFoundAgain) {
   const Tracking failed{0.4F, 1, false};
   EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, 0.27F), failed), PoseVerdict::kBad);
   EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, 0.29F), failed), PoseVerdict::kGood);
-  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, Recovery::kFewestPoints - 1, 0.9F), failed),
+  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, kOptions.recovery.fewest_points - 1, 0.9F), failed),
             PoseVerdict::kBad);
   const Tracking rich{1.0F, 1, false};
-  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, Recovery::kVerifiedQuality), rich), PoseVerdict::kGood);
+  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, kOptions.recovery.verified_quality), rich),
+            PoseVerdict::kGood);
 }
 
 TEST(Evidence, WhatIsFollowedOrRecognizedIsPoorAtLeast) {
-  const FrameEvidence few = seen(PoseVerdict::kBad, kEnoughPoints, 0.11F);
+  const FrameEvidence few = seen(PoseVerdict::kBad, kOptions.evidence.enough_points, 0.11F);
   EXPECT_EQ(judge_frame(few, PoseOrigin::kFlow, Tracking{0.8F}, kOptions), PoseVerdict::kPoor);
   EXPECT_EQ(judge_frame(few, PoseOrigin::kCorners, Tracking{0.8F}, kOptions), PoseVerdict::kBad);
-  const FrameEvidence more = seen(PoseVerdict::kBad, Recovery::kFewestPoints, 0.41F);
+  const FrameEvidence more = seen(PoseVerdict::kBad, kOptions.recovery.fewest_points, 0.41F);
   EXPECT_EQ(judge_frame(more, PoseOrigin::kFlow, Tracking{0.8F}, kOptions), PoseVerdict::kBad);
   EXPECT_EQ(judge_frame(more, PoseOrigin::kCorners, Tracking{0.8F}, kOptions), PoseVerdict::kPoor);
 }
@@ -68,8 +71,10 @@ TEST(Evidence, WhileItIsVerifiedEachFrameMustShowWhatWasAskedFor) {
 
 TEST(Evidence, ASoundPoseIsGoodOrHasManyPoints) {
   EXPECT_TRUE(is_sound(seen(PoseVerdict::kGood, 10, 0.5F), PoseVerdict::kGood, kOptions));
-  EXPECT_TRUE(is_sound(seen(PoseVerdict::kPoor, kEnoughPoints, 0.2F), PoseVerdict::kPoor, kOptions));
-  EXPECT_FALSE(is_sound(seen(PoseVerdict::kPoor, kEnoughPoints - 1, 0.2F), PoseVerdict::kPoor, kOptions));
+  EXPECT_TRUE(is_sound(seen(PoseVerdict::kPoor, kOptions.evidence.enough_points, 0.2F), PoseVerdict::kPoor,
+                       kOptions));
+  EXPECT_FALSE(is_sound(seen(PoseVerdict::kPoor, kOptions.evidence.enough_points - 1, 0.2F),
+                        PoseVerdict::kPoor, kOptions));
   EXPECT_FALSE(is_sound(seen(PoseVerdict::kPoor, 200, kOptions.lost_quality), PoseVerdict::kPoor, kOptions));
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/relocalization/described_views.h"
+#include "client/tracking/patch_flow.h"
 #include "client/tracking/point_search.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
@@ -15,12 +16,19 @@
 
 namespace cairn {
 
+struct FlowPriorOptions {
+  uint64_t most_followed = 150;  ///< points, of those found in the frame before
+  int fewest_followed = 12;      ///< points that agree on a pose, as of the coarse stage
+  PatchFlowOptions patches;
+};
+
 /// Where the camera is in a frame by the points of the frame before, each followed from image to image: for
 /// when a search from where the velocity and the small image expect it fails. Pure; one thread.
 class FlowPrior {
  public:
   /// `seed` of random choices.
-  FlowPrior(CameraPtr camera, uint64_t seed) : camera_(std::move(camera)), seed_(seed) {}
+  FlowPrior(CameraPtr camera, uint64_t seed, const FlowPriorOptions& options = {})
+      : camera_(std::move(camera)), seed_(seed), options_(options) {}
 
   /// Other values of the same camera, from now on.
   void use_camera(CameraPtr camera) { camera_ = std::move(camera); }
@@ -39,6 +47,7 @@ class FlowPrior {
  private:
   CameraPtr camera_;
   uint64_t seed_;
+  FlowPriorOptions options_;
   std::vector<SeenPoint> seen_;
 };
 

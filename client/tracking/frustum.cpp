@@ -7,20 +7,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kRaysPerAxis = 17;        // of the grid over the image that every side is checked against
-constexpr float kSideMargin = 1e-3F;    // [rad] for what bulges between the rays, and for rounding
-constexpr float kNearest = 1e-3F;       // PTAM r114: in front of the camera [map unit]
-constexpr float kCoarseArea = 12.0F;    // [level-0 px^2 per source px^2] searched two levels up (warp_level)
-constexpr float kMinDepthShare = 0.5F;  // of the distance: bounds the estimated area at the rim of a fisheye
-/// A point may be seen from this much farther round, nearer and farther than any keyframe has seen it;
-/// beyond, its patch is not expected to match. 35 degrees, factors of 2.
-constexpr float kExtraAngleCosine = 0.81915204F;
-constexpr float kExtraAngleSine = 0.57357644F;
-constexpr float kNearer = 0.5F;
-constexpr float kFarther = 2.0F;
-
-Eigen::Vector3d grid_ray(const Camera& camera, int column, int row) {
-  const double step = 1.0 / (kRaysPerAxis - 1);
+Eigen::Vector3d grid_ray(const Camera& camera, int rays_per_axis, int column, int row) {
+  const double step = 1.0 / (rays_per_axis - 1);
   return camera.unproject({column * step * (camera.width() - 1), row * step * (camera.height() - 1)});
 }
 
@@ -43,22 +31,24 @@ CAIRN_INLINE float signed_square(float x) {
 
 }  // namespace
 
-Frustum::Frustum(const Camera& camera) {
-  constexpr int kLast = kRaysPerAxis - 1;
-  constexpr std::array<std::array<int, 2>, 4> kCorners = {{{0, 0}, {kLast, 0}, {kLast, kLast}, {0, kLast}}};
-  const Eigen::Vector3d middle = grid_ray(camera, kLast / 2, kLast / 2);
+Frustum::Frustum(const Camera& camera, const FrustumOptions& options)
+    : options_(options),
+      extra_cosine_(static_cast<float>(std::cos(options.extra_angle))),
+      extra_sine_(static_cast<float>(std::sin(options.extra_angle))) {
+  const int last = options.rays_per_axis - 1;
+  const std::array<std::array<int, 2>, 4> corners = {{{0, 0}, {last, 0}, {last, last}, {0, last}}};
+  const auto ray = [&](int column, int row) { return grid_ray(camera, options.rays_per_axis, column, row); };
+  const Eigen::Vector3d middle = ray(last / 2, last / 2);
   for (size_t i = 0; i < sides_.size(); ++i) {
-    const auto& from = kCorners[i];
-    const auto& to = kCorners[(i + 1) % kCorners.size()];
-    Eigen::Vector3d normal =
-        grid_ray(camera, from[0], from[1]).cross(grid_ray(camera, to[0], to[1])).normalized();
+    const auto& from = corners[i];
+    const auto& to = corners[(i + 1) % corners.size()];
+    Eigen::Vector3d normal = ray(from[0], from[1]).cross(ray(to[0], to[1])).normalized();
     if (normal.dot(middle) < 0) normal = -normal;
     double least = 0;
-    for (int row = 0; row < kRaysPerAxis; ++row) {
-      for (int column = 0; column < kRaysPerAxis; ++column)
-        least = std::min(least, normal.dot(grid_ray(camera, column, row)));
+    for (int row = 0; row <= last; ++row) {
+      for (int column = 0; column <= last; ++column) least = std::min(least, normal.dot(ray(column, row)));
     }
-    sides_[i] = {normal.cast<float>(), static_cast<float>(least) - kSideMargin};
+    sides_[i] = {normal.cast<float>(), static_cast<float>(least) - options.side_margin};
   }
 }
 
@@ -72,6 +62,9 @@ namespace {
 
 CAIRN_INLINE BlockView view(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
                             float focal_length) {
+  const FrustumOptions options = frustum.options();
+  const float extra_cosine = frustum.extra_cosine();
+  const float extra_sine = frustum.extra_sine();
   const Eigen::Matrix3f rotation = camera_from_map.rotation_matrix().cast<float>();
   const Eigen::Vector3f eye = camera_from_map.center().cast<float>();
   std::array<Eigen::Vector3f, 4> normal;  // map frame
@@ -81,7 +74,7 @@ CAIRN_INLINE BlockView view(const PointBlock& block, const Frustum& frustum, con
     limit[i] = signed_square(frustum.sides()[i].sine);
   }
   const Eigen::Vector3f axis = rotation.row(2).transpose();
-  const float area_scale = std::pow(focal_length, 4.0F) / (kCoarseArea * kCoarseArea);
+  const float area_scale = std::pow(focal_length, 4.0F) / (options.coarse_area * options.coarse_area);
   alignas(32) Lanes passed;
   alignas(32) Lanes coarse;
   for (size_t s = 0; s < kBlockSlots; ++s) {
@@ -96,17 +89,19 @@ CAIRN_INLINE BlockView view(const PointBlock& block, const Frustum& frustum, con
     };
     // cos(angle + extra); beyond 180 degrees all sides will do.
     const float cosine = block.view_cosine[s];
-    const float least = cosine * kExtraAngleCosine - block.view_sine[s] * kExtraAngleSine;
+    const float least = cosine * extra_cosine - block.view_sine[s] * extra_sine;
     const float towards = -(block.view_x[s] * x + block.view_y[s] * y + block.view_z[s] * z);
-    const float nearest = kNearer * block.nearest[s];
-    const float farthest = kFarther * block.farthest[s];
-    passed[s] = static_cast<int32_t>(depth >= kNearest) & inside(0) & inside(1) & inside(2) & inside(3) &
-                (static_cast<int32_t>(cosine <= -kExtraAngleCosine) |
+    const float nearest = options.nearer * block.nearest[s];
+    const float farthest = options.farther * block.farthest[s];
+    passed[s] = static_cast<int32_t>(depth >= options.nearest) & inside(0) & inside(1) & inside(2) &
+                inside(3) &
+                (static_cast<int32_t>(cosine <= -extra_cosine) |
                  static_cast<int32_t>(signed_square(towards) >= signed_square(least) * squared)) &
                 static_cast<int32_t>(squared >= nearest * nearest) &
                 static_cast<int32_t>(squared <= farthest * farthest);
     const float facing = block.span_x[s] * x + block.span_y[s] * y + block.span_z[s] * z;
-    const float bounded = std::max(depth * depth, kMinDepthShare * kMinDepthShare * squared);
+    const float bounded =
+        std::max(depth * depth, options.min_depth_share * options.min_depth_share * squared);
     coarse[s] = static_cast<int32_t>(area_scale * facing * facing > bounded * bounded * bounded);
   }
   return {bits_of(passed) & block.live, bits_of(coarse)};

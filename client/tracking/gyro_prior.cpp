@@ -10,7 +10,7 @@ void GyroPrior::use(const std::optional<ImuMount>& mount) {
   } else if (sensor_) {
     sensor_->use(*mount);
   } else {
-    sensor_.emplace(*mount);
+    sensor_.emplace(*mount, options_.sensor);
   }
 }
 
@@ -52,7 +52,7 @@ void GyroPrior::tracked(const SE3& now_from_before) {
 bool GyroPrior::carries(double reach) {
   if (!turn_ || !turn_sigma_) return false;
   blind_sigma_ += *turn_sigma_;  // most of it is the bias, which is the same in all
-  return 3 * blind_sigma_ <= reach;
+  return options_.sigmas * blind_sigma_ <= reach;
 }
 
 }  // namespace cairn

@@ -12,10 +12,18 @@
 
 namespace cairn {
 
+struct GyroPriorOptions {
+  double sigmas = 3;  ///< [sigma] of errors that a search about the turn must make good
+  InertialSensorOptions sensor;
+  EncoderTurnOptions encoders;
+};
+
 /// How the camera turned since the frame before, by the gyro that is fixed to it or else by the encoders of
 /// the rig that carries it, and for how long the gyro alone may be relied on. Pure; one thread.
 class GyroPrior {
  public:
+  explicit GyroPrior(const GyroPriorOptions& options = {}) : options_(options), encoders_(options.encoders) {}
+
   /// The camera has an IMU that sits so, from now on; nothing: it has none, or that is not known.
   void use(const std::optional<ImuMount>& mount);
   void add(std::span<const ImuSample> samples) {
@@ -45,13 +53,14 @@ class GyroPrior {
   void tracked(const SE3& now_from_before);
   /// The frame was tracked, or its bearings were followed.
   void seen() { blind_sigma_ = 0; }
-  /// Nothing in this frame says how the camera turned but the gyro. False when three sigma of its errors,
+  /// Nothing in this frame says how the camera turned but the gyro. False when some sigma of its errors,
   /// which add up, are more than `reach` [rad], what a search about it can make good.
   [[nodiscard]] bool carries(double reach);
   /// [rad], per axis: of the turns that the gyro alone has told since something was seen.
   [[nodiscard]] double blind_sigma() const { return blind_sigma_; }
 
  private:
+  GyroPriorOptions options_;
   std::optional<InertialSensor> sensor_;
   EncoderTurns encoders_;
   std::optional<Timestamp> before_;

@@ -10,15 +10,10 @@
 namespace cairn {
 namespace {
 
-constexpr float kTemplateChange = 0.07F;  // PTAM r114: a warp column [search-level px per source px]
-constexpr float kSmearChange = 0.2F;      // of its length
-// [search-level px] Below, its standard deviation, 0.87, is no more than that of lens and pixels.
-constexpr float kLeastSmear = 3.0F;
-constexpr int kCoarseLevel = 2;  // from there on a radius has few pixels
 constexpr int kBorder = kTemplateSize / 2;
 
-bool is_smeared(const Eigen::Vector2f& smear, int level) {
-  return smear.norm() >= kLeastSmear * static_cast<float>(1 << level);
+bool is_smeared(const Eigen::Vector2f& smear, int level, const KeptTemplateOptions& options) {
+  return smear.norm() >= options.least_smear * static_cast<float>(1 << level);
 }
 
 std::optional<Eigen::Vector2f> best_pixel(const PatchTemplate& patch, const GrayView& image,
@@ -42,12 +37,12 @@ std::optional<Eigen::Vector2f> best_pixel(const PatchTemplate& patch, const Gray
 }  // namespace
 
 const PatchTemplate* KeptTemplate::of(const SourcePatch& source, const Warp& level0_from_source, int level,
-                                      const Eigen::Vector2f& smear) {
+                                      const Eigen::Vector2f& smear, const KeptTemplateOptions& options) {
   const auto scale = static_cast<float>(1 << level);
-  const Eigen::Vector2f wanted = is_smeared(smear, level) ? smear : Eigen::Vector2f::Zero();
+  const Eigen::Vector2f wanted = is_smeared(smear, level, options) ? smear : Eigen::Vector2f::Zero();
   const bool is_sharp = wanted.isZero();
-  if (valid_ && patch_.level == level && (smear_ - wanted).norm() <= kSmearChange * wanted.norm() &&
-      (warp_ - level0_from_source).colwise().norm().maxCoeff() <= kTemplateChange * scale)
+  if (valid_ && patch_.level == level && (smear_ - wanted).norm() <= options.smear_change * wanted.norm() &&
+      (warp_ - level0_from_source).colwise().norm().maxCoeff() <= options.template_change * scale)
     return &patch_;
   valid_ = is_sharp ? make_template(source, level0_from_source, level, &patch_)
                     : make_smeared_template(source, level0_from_source, level, wanted,
@@ -58,12 +53,13 @@ const PatchTemplate* KeptTemplate::of(const SourcePatch& source, const Warp& lev
 }
 
 std::optional<Eigen::Vector2f> look_around(const PatchTemplate& patch, const FrameImages& frame,
-                                           const Eigen::Vector2f& center, float radius, int iterations) {
+                                           const Eigen::Vector2f& center, float radius, int iterations,
+                                           const KeptTemplateOptions& options) {
   const int level = patch.level;
   const GrayImage& image = frame.pyramid.level(level);
   const Eigen::Vector2f pixel(from_level(center.x(), level), from_level(center.y(), level));
   std::optional<Eigen::Vector2f> best;
-  if (level >= kCoarseLevel && is_smeared(frame.smear.at(pixel), level)) {
+  if (level >= options.coarse_level && is_smeared(frame.smear.at(pixel), level, options)) {
     best = best_pixel(patch, image, center, radius);
   } else if (const auto match = find_patch(patch, image, frame.corners(level), center, radius)) {
     best = Eigen::Vector2f(match->corner.x, match->corner.y);

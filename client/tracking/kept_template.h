@@ -8,12 +8,22 @@
 
 namespace cairn {
 
+/// When a template is made anew, and how smeared patches are treated.
+struct KeptTemplateOptions {
+  float template_change = 0.07F;  ///< [search-level px per source px] of a column of the warp (PTAM r114)
+  float smear_change = 0.2F;      ///< of the smear's length
+  /// [search-level px] Below, the standard deviation of a smear, 0.87, is no more than that of lens and
+  /// pixels.
+  float least_smear = 3.0F;
+  int coarse_level = 2;  ///< level from which on a radius has few pixels, and each is compared
+};
+
 /// The template of a point, kept from frame to frame while it looks the same.
 class KeptTemplate {
  public:
   /// As a frame shows the patch that it smears by `smear` [px of level 0]. Null where it can not be searched.
   [[nodiscard]] const PatchTemplate* of(const SourcePatch& source, const Warp& level0_from_source, int level,
-                                        const Eigen::Vector2f& smear);
+                                        const Eigen::Vector2f& smear, const KeptTemplateOptions& options);
 
  private:
   PatchTemplate patch_;
@@ -26,6 +36,6 @@ class KeptTemplate {
 /// sub-pixel: at the corners; on coarse levels at every pixel where a smear has left no corners.
 [[nodiscard]] std::optional<Eigen::Vector2f> look_around(const PatchTemplate& patch, const FrameImages& frame,
                                                          const Eigen::Vector2f& center, float radius,
-                                                         int iterations);
+                                                         int iterations, const KeptTemplateOptions& options);
 
 }  // namespace cairn

@@ -28,7 +28,7 @@ TEST(KeptTemplateTest, OnlyASmearOfAPixelAndAHalfOfTheLevelIsOne) {
   const SourcePatch source = patch_at(image.view(), 64, 48);
   const Warp warp = 2 * Warp::Identity();
   KeptTemplate kept;
-  const auto pixels = [&](float smear) { return kept.of(source, warp, 1, {smear, 0})->pixels; };
+  const auto pixels = [&](float smear) { return kept.of(source, warp, 1, {smear, 0}, {})->pixels; };
   const auto sharp = pixels(0);
   EXPECT_EQ(pixels(5.9F), sharp);
   const auto smeared = pixels(8);
@@ -62,9 +62,9 @@ TEST(KeptTemplateTest, WhereASmearLeavesNoCornersEveryPixelOfACoarseLevelIsLooke
                               kLevel, &patch));
     const Eigen::Vector2f truth = Eigen::Vector2i(x, 48).cast<float>();
     frame.smear = {};
-    EXPECT_FALSE(look_around(patch, frame, truth + off, kReach, 10));
+    EXPECT_FALSE(look_around(patch, frame, truth + off, kReach, 10, {}));
     frame.smear = Smear(motion, 1, 512, 384);
-    const auto found = look_around(patch, frame, truth + off, kReach, 10);
+    const auto found = look_around(patch, frame, truth + off, kReach, 10, {});
     ASSERT_TRUE(found) << x;
     EXPECT_LT((*found - truth).norm(), 0.1F);
   }

@@ -21,16 +21,15 @@ void KeyframePolicy::forget_found(int found) {
 
 bool KeyframePolicy::is_due(int found, double distance, bool widens_map,
                             const std::function<bool()>& is_new_area) {
-  // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
-  constexpr double kShortestWait = 0.1;
-  const auto has_waited = [&](double wait) { return since_ >= wait * options_.frames_between_keyframes; };
-  if (widens_map && has_waited(kShortestWait)) return true;
-  if (distance >= options_.keyframe_distance &&
-      has_waited(std::max(kShortestWait, options_.keyframe_distance / distance)))
+  // Far beyond the distance the wait between offers shortens.
+  const auto has_waited = [&](double wait) { return since_ >= wait * options_.frames_between; };
+  if (widens_map && has_waited(options_.shortest_wait)) return true;
+  if (distance >= options_.distance &&
+      has_waited(std::max(options_.shortest_wait, options_.distance / distance)))
     return true;
   // A view of which the map knows less and less needs a keyframe sooner: what is new in it must become points
   // while the camera can still be placed by the old ones.
-  if (distance < options_.keyframe_distance * options_.need_distance || !has_waited(kShortestWait))
+  if (distance < options_.distance * options_.need_distance || !has_waited(options_.shortest_wait))
     return false;
   const auto at_best = static_cast<float>(most_found_);
   if (found < options_.scarce_points || static_cast<float>(found) < options_.few_left * at_best) return true;

@@ -4,15 +4,26 @@
 #include <functional>
 #include <optional>
 
-#include "client/tracking/tracker_options.h"
-
 namespace cairn {
+
+struct KeyframePolicyOptions {
+  int frames_between = 20;  ///< [frames] between two offers (PTAM r114)
+  double shortest_wait =
+      0.1;  ///< of these frames, far beyond the distance: a camera that moves fast would run out of its map
+  double distance = 0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
+  /// Of the points found at best since the last keyframe: below, one is needed soon if the frame shows what
+  /// the map does not know.
+  float running_out = 0.9F;
+  float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
+  int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
+  double need_distance = 0.1;  ///< of `distance`, which is enough then
+};
 
 /// When a frame is worth offering as a keyframe: far enough from those of the map, not too soon
 /// after the last, sooner where the map runs out under the camera. Pure; one thread.
 class KeyframePolicy {
  public:
-  explicit KeyframePolicy(const TrackerOptions& options) : options_(options) {}
+  explicit KeyframePolicy(const KeyframePolicyOptions& options) : options_(options) {}
 
   /// Another frame has come, tracked or not.
   void next_frame() { ++since_; }
@@ -32,7 +43,7 @@ class KeyframePolicy {
   [[nodiscard]] bool shows_new_area(int found, const std::function<bool()>& is_new_area);
   void forget_found(int found);
 
-  TrackerOptions options_;
+  KeyframePolicyOptions options_;
   int since_ = 0;                           ///< frames since the last offer
   int most_found_ = 0;                      ///< in a frame since then
   std::optional<int> found_in_known_area_;  ///< in the last frame that was looked at and showed nothing new

@@ -19,15 +19,15 @@ class KeyframePolicyTest : public ::testing::Test {
     return most + 1;
   }
   bool is_new_area_ = true;
-  const TrackerOptions options_{};
-  const double soon_ = options_.keyframe_distance * options_.need_distance;  // enough in need
+  const KeyframePolicyOptions options_{};
+  const double soon_ = options_.distance * options_.need_distance;  // enough in need
   KeyframePolicy policy_{options_};
 };
 
 TEST_F(KeyframePolicyTest, AViewThatIsKnownWellIsOfferedFromTheFullDistanceOn) {
-  EXPECT_GT(frames_until_offer(kMany, 0.99 * options_.keyframe_distance), 200);
-  EXPECT_LE(frames_until_offer(kMany, options_.keyframe_distance), 1);
-  EXPECT_EQ(frames_until_offer(kMany, options_.keyframe_distance), options_.frames_between_keyframes);
+  EXPECT_GT(frames_until_offer(kMany, 0.99 * options_.distance), 200);
+  EXPECT_LE(frames_until_offer(kMany, options_.distance), 1);
+  EXPECT_EQ(frames_until_offer(kMany, options_.distance), options_.frames_between);
 }
 
 TEST_F(KeyframePolicyTest, WhereTheMapRunsOutLessDistanceIsEnough) {

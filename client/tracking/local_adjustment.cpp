@@ -9,16 +9,6 @@
 #include "common/bundle/bundle.h"
 
 namespace cairn {
-namespace {
-
-// As PTAM's five, where each is a tenth of the depth from the last: these come twice as often.
-constexpr size_t kMoving = 8;
-// Two rays that differ by less than two degrees say less of a depth than all the frames in between have said.
-constexpr double kLeastParallax = 0.035;  // [rad]
-constexpr int kIterations = 10;
-
-}  // namespace
-
 /// The problem, and which of its poses and points are which.
 class LocalMap::Adjustment {
  public:
@@ -26,7 +16,7 @@ class LocalMap::Adjustment {
     list_places();
     const std::vector<Keyframe>& keyframes = map->keyframes_;
     size_t moving = 0;
-    for (size_t i = keyframes.size(); i-- > 0 && moving < kMoving;) {
+    for (size_t i = keyframes.size(); i-- > 0 && moving < map->options_.moving;) {
       if (keyframes[i].answered || !keyframes[i].has_pose) continue;
       add_view(i, false);
       ++moving;
@@ -41,7 +31,7 @@ class LocalMap::Adjustment {
 
   [[nodiscard]] bool solve() {
     BundleOptions options;
-    options.max_iterations = kIterations;
+    options.max_iterations = map_->options_.adjustment_iterations;
     return solve_bundle(&problem_, options).usable;
   }
 
@@ -139,7 +129,7 @@ class LocalMap::Adjustment {
       const SE3& pose = problem_.poses[static_cast<size_t>(o.pose)].camera_from_map;
       rays[p].push_back((problem_.points[p] - pose.center()).normalized());
     }
-    const double most_cosine = std::cos(kLeastParallax);
+    const double most_cosine = std::cos(map_->options_.least_parallax);
     for (size_t p = 0; p < rays.size(); ++p) {
       if (problem_.fixed_points[p]) continue;
       bool is_wide = false;
@@ -153,9 +143,8 @@ class LocalMap::Adjustment {
 
   /// Where neither an older keyframe nor the server's map does it, the oldest of the moving stays.
   void hold_somewhere(size_t moving) {
-    constexpr ptrdiff_t kFewestPoints = 3;
     const auto held = std::count(problem_.fixed_points.begin(), problem_.fixed_points.end(), true);
-    if (moving > 0 && moving == views_.size() && held < kFewestPoints)
+    if (moving > 0 && moving == views_.size() && held < map_->options_.fewest_fixed_points)
       problem_.poses[moving - 1].fixed = true;
   }
 

@@ -2,23 +2,12 @@
 #include "client/tracking/local_map.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 namespace cairn {
 namespace {
-
-// A server that is there and not overloaded has answered by then.
-constexpr std::chrono::milliseconds kAnswerAwaited{300};
-// The server's map shows a keyframe before it has its new points.
-constexpr std::chrono::milliseconds kTakenOver{1000};
-// An adjustment changes the size of a whole map by less than drift does, which is some hundredths.
-constexpr double kSameScale = 0.1;
-// What has not been seen in the server's map by then was removed from it again.
-constexpr std::chrono::milliseconds kOvertaken{10000};
-constexpr std::chrono::milliseconds kSpacing{250};
 
 PointSource source_of(const LocalPoint& point, PointId id, KeyframeId keyframe, const SE3& camera_from_map) {
   const Eigen::Quaterniond& rotation = camera_from_map.rotation();
@@ -68,9 +57,9 @@ std::pair<double, double> extents(const MapSnapshot& one, const MapSnapshot& oth
 }
 
 /// Whether an epoch goes on with the other's lengths.
-bool has_same_scale(const MapSnapshot& before, const MapSnapshot& now) {
+bool has_same_scale(const MapSnapshot& before, const MapSnapshot& now, double tolerance) {
   const auto [was, is] = extents(before, now);
-  return was > 0 && std::abs(is / was - 1) < kSameScale;
+  return was > 0 && std::abs(is / was - 1) < tolerance;
 }
 
 }  // namespace
@@ -100,13 +89,15 @@ bool LocalMap::has_point(uint64_t number) const {
 }
 
 bool LocalMap::is_overdue() const {
-  return std::any_of(keyframes_.begin(), keyframes_.end(),
-                     [&](const Keyframe& k) { return !k.answered && now_ - k.time >= kAnswerAwaited; });
+  return std::any_of(keyframes_.begin(), keyframes_.end(), [&](const Keyframe& k) {
+    return !k.answered && now_ - k.time >= options_.answer_awaited;
+  });
 }
 
 bool LocalMap::has_room(Timestamp time) const {
   if (keyframes_.empty()) return true;
-  return keyframes_.size() < kMostKeyframes && (!is_overdue() || time - keyframes_.back().time >= kSpacing);
+  return keyframes_.size() < options_.most_keyframes &&
+         (!is_overdue() || time - keyframes_.back().time >= options_.spacing);
 }
 
 size_t LocalMap::point_count() const {
@@ -120,7 +111,7 @@ size_t LocalMap::point_count() const {
 void LocalMap::propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth,
                        Timestamp time, std::span<const LocalPoint> points,
                        std::span<const LocalMeasurement> measurements) {
-  if (keyframes_.size() >= kMostKeyframes) return;
+  if (keyframes_.size() >= options_.most_keyframes) return;
   Keyframe k;
   k.id = KeyframeId{kLocalBit | proposal.number};
   k.reference = proposal.reference;
@@ -130,7 +121,8 @@ void LocalMap::propose(const KeyframeProposal& proposal, const SE3& camera_from_
   k.measurements.assign(measurements.begin(), measurements.end());
   add_points(camera_from_map, points, &k);
   keyframes_.push_back(std::move(k));
-  if (keyframes_.size() > kMostMeasured) keyframes_[keyframes_.size() - 1 - kMostMeasured].measurements = {};
+  if (keyframes_.size() > options_.most_measured)
+    keyframes_[keyframes_.size() - 1 - options_.most_measured].measurements = {};
   drop_points_beyond_limit();
 }
 
@@ -156,7 +148,7 @@ void LocalMap::add_points(const SE3& camera_from_map, std::span<const LocalPoint
 void LocalMap::drop_points_beyond_limit() {
   size_t count = point_count();
   for (Keyframe& k : keyframes_) {
-    if (count <= kMostPoints) return;
+    if (count <= options_.most_points) return;
     for (const Block& block : k.blocks) count -= block.numbers.size();
     k.blocks.clear();
     extended_.reset();
@@ -188,8 +180,8 @@ void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
   now_ = time;
   for (size_t i = keyframes_.size(); i-- > 0;) {
     const Keyframe& k = keyframes_[i];
-    const bool is_overtaken = k.answered && time - *k.answered >= kOvertaken;
-    if (is_overtaken || (k.shown && time - *k.shown >= kTakenOver)) drop(i);
+    const bool is_overtaken = k.answered && time - *k.answered >= options_.overtaken;
+    if (is_overtaken || (k.shown && time - *k.shown >= options_.taken_over)) drop(i);
   }
   if (!is_overdue()) return;
   // The server is away: there is no use in waiting for what it says of the newer ones.
@@ -241,7 +233,7 @@ void LocalMap::put_points(MapSnapshot* map) const {
 MapSnapshotPtr LocalMap::extend(const MapSnapshotPtr& map) {
   if (keyframes_.empty()) base_.reset();
   if (base_ && base_->map != map->map) return map;
-  if (base_ && base_->epoch != map->epoch && !has_same_scale(*base_, *map)) clear();
+  if (base_ && base_->epoch != map->epoch && !has_same_scale(*base_, *map, options_.same_scale)) clear();
   if (base_ != map) extended_.reset();
   base_ = map;
   if (extended_) return extended_;

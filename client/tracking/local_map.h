@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -47,6 +48,29 @@ struct LocalMeasurement {
   double sigma = 1;                                 ///< [px]
 };
 
+struct LocalMapOptions {
+  /// [ms] A server that is there and not overloaded has answered by then.
+  std::chrono::milliseconds answer_awaited{300};
+  /// [ms] The server's map shows a keyframe before it has its new points.
+  std::chrono::milliseconds taken_over{1000};
+  /// [ms] What has not been seen in the server's map by then was removed from it again.
+  std::chrono::milliseconds overtaken{10000};
+  std::chrono::milliseconds spacing{250};  ///< [ms] of keyframes while answers are overdue
+  /// An adjustment changes the size of a whole map by less than drift does, which is some hundredths.
+  double same_scale = 0.1;
+  uint64_t most_keyframes = 240;  ///< a keyframe each quarter of a second for a minute
+  uint64_t most_points = 6000;    ///< 600 bytes each
+  uint64_t most_measured = 16;    ///< the newest keyframes, of which it is known what was measured in them
+  /// Keyframes that an adjustment moves. As PTAM's five, where each is a tenth of the depth from the last:
+  /// these come twice as often.
+  uint64_t moving = 8;
+  /// [rad] Two rays that differ by less than two degrees say less of a depth than all the frames in between
+  /// have said.
+  double least_parallax = 0.035;
+  int adjustment_iterations = 10;  ///< of Levenberg-Marquardt
+  int fewest_fixed_points = 3;     ///< fewer do not hold an adjustment: its oldest keyframe stays
+};
+
 /// What a tracker maps by itself while the server does not answer: the keyframes that it has proposed and
 /// points of its own, each seen from one of them. A keyframe hangs on the one that it was proposed against,
 /// so all of them ride on adjustments of the server's map. A keyframe counts once its answer is overdue; soon
@@ -54,11 +78,7 @@ struct LocalMeasurement {
 /// number; one thread; equal inputs give equal bytes.
 class LocalMap {
  public:
-  /// A keyframe each quarter of a second for a minute.
-  static constexpr size_t kMostKeyframes = 240;
-  static constexpr size_t kMostPoints = 6000;
-  /// The newest, of which it is known what was measured in them.
-  static constexpr size_t kMostMeasured = 16;
+  explicit LocalMap(const LocalMapOptions& options = {}) : options_(options) {}
 
   void clear();
   /// The camera is known in this map: what hangs on another is forgotten. Until then it stays, for a map that
@@ -129,6 +149,7 @@ class LocalMap {
   void aim(const MapSnapshot& map);
   void put_points(MapSnapshot* map) const;
 
+  LocalMapOptions options_;
   std::vector<Keyframe> keyframes_;  ///< in order of their numbers
   uint64_t points_made_ = 0;         ///< ever
   Timestamp now_;

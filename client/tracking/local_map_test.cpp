@@ -143,15 +143,15 @@ TEST_F(LocalMapTest, AMapThatIsTriedTakesNothingAwayBeforeTheCameraIsKnownInIt) 
 
 TEST_F(LocalMapTest, IsBounded) {
   uint64_t points_made = 0;
-  for (uint64_t number = 1; number <= 2 * LocalMap::kMostKeyframes; ++number) {
+  for (uint64_t number = 1; number <= 2 * LocalMapOptions().most_keyframes; ++number) {
     std::vector<LocalPoint> points;
     for (int i = 0; i < 100; ++i) points.push_back(point(++points_made, {0, 0, 2}));
     local_.propose(proposal(number, KeyframeId{1}, SE3()), SE3(), 2, at(300 * static_cast<int>(number)),
                    points, {});
   }
-  EXPECT_EQ(local_.keyframe_count(), LocalMap::kMostKeyframes);
-  EXPECT_LE(local_.point_count(), LocalMap::kMostPoints);
-  EXPECT_GT(local_.point_count(), LocalMap::kMostPoints / 2);
+  EXPECT_EQ(local_.keyframe_count(), LocalMapOptions().most_keyframes);
+  EXPECT_LE(local_.point_count(), LocalMapOptions().most_points);
+  EXPECT_GT(local_.point_count(), LocalMapOptions().most_points / 2);
 }
 
 TEST_F(LocalMapTest, OnceAnAnswerIsOverdueNewerKeyframesCountAtOnce) {

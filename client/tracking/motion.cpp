@@ -9,45 +9,33 @@
 #include "common/image/pyramid.h"
 
 namespace cairn {
-namespace {
-
-constexpr double kDecay = 0.9;        // PTAM r114, per frame
-constexpr double kLongestStep = 0.2;  // [s] a velocity is not believed for longer
-// [near depths / s^2]: 3 g half a metre away. Found with mean depths, of scenes where these hardly differ. Of
-// poor frames in hand-held recordings at 30 Hz the most is 21, with the hand six times as fast a twentieth
-// has more than 42; of those before a loss 85 to 800.
-constexpr double kMostAcceleration = 60;
-constexpr double kShortestStep = 1.0 / 30;  // [s]: below, the noise of poses counts, whatever the frame rate
-
-Vector6d scaled_step(const Vector6d& velocity, double seconds) {
-  return velocity * std::clamp(seconds, 0.0, kLongestStep);
+Vector6d MotionModel::step_to(Timestamp time) const {
+  return velocity_ * std::clamp(seconds_between(time, time_), 0.0, options_.longest_step);
 }
 
-}  // namespace
-
 SE3 MotionModel::predicted_step(Timestamp time) const {
-  return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
+  return SE3::exp(step_to(time));
 }
 
 SE3 MotionModel::predicted_step(Timestamp time, const SE3& turn) const {
-  Vector6d step = scaled_step(velocity_, seconds_between(time, time_));
+  Vector6d step = step_to(time);
   step.tail<3>() = so3_log(turn.rotation());
   return SE3::exp(step);
 }
 
 bool MotionModel::is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
                           double near_depth) const {
-  const double seconds = std::max(kShortestStep, seconds_between(time, time_));
+  const double seconds = std::max(options_.shortest_step, seconds_between(time, time_));
   const double apart = (camera_from_map.center() - predicted.center()).norm();
-  return apart > kMostAcceleration * seconds * seconds * near_depth;
+  return apart > options_.most_acceleration * seconds * seconds * near_depth;
 }
 
 void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
   const double seconds = seconds_between(time, time_);
-  if (seconds > 0 && seconds < kLongestStep) {
+  if (seconds > 0 && seconds < options_.longest_step) {
     const Vector6d newest = (camera_from_map * last_.inverse()).log() / seconds;
-    velocity_ = kDecay * (0.5 * newest + 0.5 * velocity_);
-  } else if (seconds >= kLongestStep) {
+    velocity_ = options_.decay * (0.5 * newest + 0.5 * velocity_);
+  } else if (seconds >= options_.longest_step) {
     velocity_.setZero();
   }
   last_ = camera_from_map;
@@ -56,7 +44,7 @@ void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
 
 void MotionModel::missed(const SE3& turn) {
   last_ = turn * last_;
-  velocity_ *= kDecay;
+  velocity_ *= options_.decay;
 }
 
 void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
@@ -65,11 +53,10 @@ void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
   velocity_.setZero();
 }
 
-SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth) {
+SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth,
+                 const StepCorrectionOptions& options) {
   if (!std::isfinite(seen.score)) return predicted_step;  // the tiny images have nothing in common
   constexpr int kTinyLevel = kPyramidLevels;              // the tiny image is level 3 halved again
-  constexpr float kOffset = 5.0F;                         // [tiny px] from the centre (PTAM r114)
-  constexpr int kIterations = 3;
   const Eigen::Vector2f center((static_cast<float>(camera.width() >> kTinyLevel) - 1.0F) / 2.0F,
                                (static_cast<float>(camera.height() >> kTinyLevel) - 1.0F) / 2.0F);
   const Eigen::Matrix2f turn = Eigen::Rotation2Df(seen.angle).toRotationMatrix();
@@ -77,7 +64,7 @@ SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera
   std::array<Eigen::Vector3d, 2> moved;   // where the predicted step takes the two points
   std::array<Eigen::Vector2d, 2> target;  // where the tiny images saw them go [px]
   for (size_t i = 0; i < 2; ++i) {
-    const Eigen::Vector2f offset(i == 0 ? -kOffset : kOffset, 0.0F);
+    const Eigen::Vector2f offset(i == 0 ? -options.offset : options.offset, 0.0F);
     const auto full_pixel = [](const Eigen::Vector2f& tiny) {
       return Eigen::Vector2d(from_level(tiny.x(), kTinyLevel), from_level(tiny.y(), kTinyLevel));
     };
@@ -86,9 +73,9 @@ SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera
   }
 
   Eigen::Quaterniond correction = Eigen::Quaterniond::Identity();
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
     LeastSquares<3> equations;
-    equations.information.diagonal().setConstant(10.0);  // PTAM r114: prior
+    equations.information.diagonal().setConstant(options.prior);
     for (size_t i = 0; i < 2; ++i) {
       const Eigen::Vector3d point = correction * moved[i];
       Matrix23d jacobian;

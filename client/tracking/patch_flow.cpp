@@ -9,17 +9,11 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarsest = 2;              // level: 8x8 px are 32 of level 0 there
-constexpr int kLeast = 1;                 // level at which it must be found
-constexpr float kSearchRadius = 10;       // PTAM r114 [px]
-constexpr float kMarriedDistance = 1.0F;  // [level px] of the way back (PTAM: sqrt 2, without sub-pixel)
-
 /// A step from one image to another of the same level; pixels are of level 0. `corners`: of the other image,
 /// looked at where the alignment does not get there; null: it must.
 std::optional<Eigen::Vector2f> step_to(const GrayView& from_image, const GrayView& to_image, int level,
                                        const Eigen::Vector2f& from, const Eigen::Vector2f& start,
-                                       const CornerList* corners) {
-  constexpr int kRefinements = 8;
+                                       const CornerList* corners, const PatchFlowOptions& options) {
   const Eigen::Vector2f at(to_level(from.x(), level), to_level(from.y(), level));
   const Corner corner{static_cast<int16_t>(std::lround(at.x())), static_cast<int16_t>(std::lround(at.y()))};
   SourcePatch cut;
@@ -28,12 +22,13 @@ std::optional<Eigen::Vector2f> step_to(const GrayView& from_image, const GrayVie
     return std::nullopt;
   const Eigen::Vector2f aside = Eigen::Vector2f(corner.x, corner.y) - at;
   const Eigen::Vector2f expected(to_level(start.x(), level), to_level(start.y(), level));
-  auto there = refine_patch(patch, to_image, expected + aside, kRefinements);
+  auto there = refine_patch(patch, to_image, expected + aside, options.iterations);
   if (!there && corners != nullptr) {
-    const auto match =
-        find_patch(patch, to_image, *corners, expected, kSearchRadius / static_cast<float>(1 << level));
+    const auto match = find_patch(patch, to_image, *corners, expected,
+                                  options.search_radius / static_cast<float>(1 << level));
     if (match)
-      there = refine_patch(patch, to_image, Eigen::Vector2f(match->corner.x, match->corner.y), kRefinements);
+      there = refine_patch(patch, to_image, Eigen::Vector2f(match->corner.x, match->corner.y),
+                           options.iterations);
   }
   if (!there) return std::nullopt;
   const Eigen::Vector2f found = *there - aside;
@@ -43,18 +38,19 @@ std::optional<Eigen::Vector2f> step_to(const GrayView& from_image, const GrayVie
 }  // namespace
 
 std::optional<Eigen::Vector2f> follow_patch(const FrameImages& previous, const FrameImages& now,
-                                            const Eigen::Vector2f& from, const Eigen::Vector2f& expected) {
+                                            const Eigen::Vector2f& from, const Eigen::Vector2f& expected,
+                                            const PatchFlowOptions& options) {
   Eigen::Vector2f start = expected;
   bool found = false;
-  for (int level = kCoarsest; level >= 0; --level) {
+  for (int level = options.coarsest_level; level >= 0; --level) {
     const GrayView before = previous.pyramid.level(level);
     const GrayView image = now.pyramid.level(level);
-    const CornerList* corners = level <= kLeast ? &now.corners(level) : nullptr;
-    const auto there = step_to(before, image, level, from, start, corners);
+    const CornerList* corners = level <= options.required_level ? &now.corners(level) : nullptr;
+    const auto there = step_to(before, image, level, from, start, corners, options);
     if (!there) continue;
-    if (level <= kLeast) {
-      const auto home = step_to(image, before, level, *there, from, nullptr);
-      if (!home || (*home - from).norm() > kMarriedDistance * static_cast<float>(1 << level)) continue;
+    if (level <= options.required_level) {
+      const auto home = step_to(image, before, level, *there, from, nullptr, options);
+      if (!home || (*home - from).norm() > options.way_back_error * static_cast<float>(1 << level)) continue;
       found = true;
     }
     start = *there;

@@ -8,10 +8,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kNearest = 1e-3;  // PTAM r114: in front of the camera [map unit]
-constexpr float kAlignmentReach =
-    5.0F;  // [search-level px] radius up to which alignment is tried from where it is expected
-
 /// Spreads ids so that "the n smallest" is a stable, unbiased choice (Fibonacci hashing). Coarse points come
 /// first, all that fit: they are few, and they steady the pose.
 uint64_t rank_of(PointId id, bool is_coarse) {
@@ -19,12 +15,19 @@ uint64_t rank_of(PointId id, bool is_coarse) {
   return (id.value * 0x9E3779B97F4A7C15ULL) >> 1 | (is_coarse ? 0 : kFine);
 }
 
+FrustumOptions frustum_options(const PointSearchOptions& options) {
+  FrustumOptions frustum = options.frustum;
+  frustum.nearest = static_cast<float>(options.nearest);
+  return frustum;
+}
+
 }  // namespace
 
-PointSearch::PointSearch(CameraPtr camera) : camera_(std::move(camera)), frustum_(*camera_) {}
+PointSearch::PointSearch(CameraPtr camera, const PointSearchOptions& options)
+    : camera_(std::move(camera)), options_(options), frustum_(*camera_, frustum_options(options)) {}
 
 void PointSearch::use_camera(CameraPtr camera) {
-  frustum_ = Frustum(*camera);
+  frustum_ = Frustum(*camera, frustum_options(options_));
   camera_ = std::move(camera);
 }
 
@@ -56,7 +59,7 @@ bool PointSearch::project(PointSlot slot, const SE3& camera_from_map, const Eige
   const auto s = static_cast<size_t>(slot.slot);
   out->position = block.position(slot.slot);
   const Eigen::Vector3d in_camera = rotation * out->position + camera_from_map.translation();
-  if (in_camera.z() < kNearest) return false;
+  if (in_camera.z() < options_.nearest) return false;
   Matrix23d jacobian;
   const auto pixel = camera_->project(in_camera, &jacobian);
   if (!pixel || !camera_->in_image(*pixel)) return false;
@@ -100,7 +103,7 @@ void PointSearch::find_visible(const SE3& camera_from_map, int max_points, std::
 
 bool PointSearch::reproject(const SE3& camera_from_map, VisiblePoint* point) const {
   const Eigen::Vector3d in_camera = camera_from_map * point->position;
-  if (in_camera.z() < kNearest) return false;
+  if (in_camera.z() < options_.nearest) return false;
   const auto pixel = camera_->project(in_camera);
   if (!pixel || !camera_->in_image(*pixel)) return false;
   point->expected = pixel->cast<float>();
@@ -114,7 +117,8 @@ const PatchTemplate* PointSearch::template_of(const VisiblePoint& point, const S
   const PointId first = shown.ids[0];
   if (!block || block->first != first) block = std::make_unique<CachedBlock>(CachedBlock{first, {}});
   return block->templates[static_cast<size_t>(point.slot.slot)].of(
-      shown.source(point.slot.slot).pixels, point.level0_from_source, point.level, smear.at(point.expected));
+      shown.source(point.slot.slot).pixels, point.level0_from_source, point.level, smear.at(point.expected),
+      options_.templates);
 }
 
 void PointSearch::search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point) {
@@ -124,16 +128,16 @@ void PointSearch::search(const FrameImages& frame, const SearchReach& reach, Vis
   const int level = point->level;
   const GrayImage& image = frame.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
-  const float level_radius = std::max(1.5F, reach.radius / static_cast<float>(1 << level));
+  const float level_radius = std::max(options_.least_radius, reach.radius / static_cast<float>(1 << level));
   // Within the reach of the alignment it needs no corner: in a noisy image corners come and go, texture
   // stays.
-  const bool is_near = level_radius <= kAlignmentReach;
+  const bool is_near = level_radius <= options_.alignment_reach;
   auto refined = is_near && reach.by != SearchBy::kCorners
                      ? refine_patch(*patch, image, center, reach.iterations, level_radius)
                      : std::nullopt;
   if (!refined) {
     if (reach.by == (is_near ? SearchBy::kAlignment : SearchBy::kCorners)) return;
-    refined = look_around(*patch, frame, center, level_radius, reach.iterations);
+    refined = look_around(*patch, frame, center, level_radius, reach.iterations, options_.templates);
     if (!refined) return;
   }
   point->pixel = {from_level(refined->x(), level), from_level(refined->y(), level)};

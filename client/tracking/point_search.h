@@ -43,11 +43,20 @@ struct SearchReach {
   SearchBy by = SearchBy::kBoth;
 };
 
+struct PointSearchOptions {
+  double nearest = 1e-3;  ///< [map unit] in front of the camera (PTAM r114)
+  float alignment_reach =
+      5.0F;  ///< [search-level px] radius up to which alignment is tried from where it is expected
+  float least_radius = 1.5F;  ///< [search-level px] of a search, however small the radius at level 0
+  KeptTemplateOptions templates;
+  FrustumOptions frustum;  ///< its `nearest` is that above
+};
+
 /// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the
 /// warped templates of points from frame to frame. One thread.
 class PointSearch {
  public:
-  explicit PointSearch(CameraPtr camera);
+  explicit PointSearch(CameraPtr camera, const PointSearchOptions& options = {});
 
   /// Other values of the same camera, from now on.
   void use_camera(CameraPtr camera);
@@ -86,6 +95,7 @@ class PointSearch {
   [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point, const Smear& smear);
 
   CameraPtr camera_;
+  PointSearchOptions options_;
   Frustum frustum_;
   MapSnapshotPtr map_;
   std::vector<std::unique_ptr<CachedBlock>> templates_;

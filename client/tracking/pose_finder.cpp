@@ -10,35 +10,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (PTAM r114)
-constexpr int kCoarseAvailable = 20;  // PTAM r114: fewer and the coarse stage is left out
-constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTAM: 20 of 60)
-// Corners find a few points in a hundred that alignment does not, for a quarter of the frame's time: they are
-// asked where alignment finds little, as in blur and where the coarse pose is off.
-constexpr float kEnoughAligned = 0.4F;  // of the points searched
-constexpr int kRefineIterations = 8;    // PTAM r114
-constexpr int kLargeAttempted = 10;     // PTAM r114
-constexpr int kFewestFound = 15;        // inliers below which no pose is believed
-constexpr float kLeastQuality =
-    0.1F;  // so few of those in sight agree by chance, whatever the top levels say
-constexpr double kMinSquaredCutoff =
-    1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
-// Where half of the matches are false (stripes, tiles, blur), their median is no measure of the noise, and a
-// cut-off from it lets them bend the pose by centimetres. A map that does not fit so well is tracked by the
-// second attempt, which has no ceiling.
-constexpr double kMaxSquaredCutoff = 9.0;
-// [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt,
-// which has no ceiling, found by more than 5 was 5 to 40 cm off.
-constexpr double kMostRms = 3.0;
-// What is found grows less as things leave the image and blur comes, but not by so much from one frame to
-// the next.
-constexpr float kLeastOfQualityExpected = 0.7F;
-constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius
-// A point this many times as deep as points found beside it stands behind the thing they are on. Across the
-// cells of DepthOrder a plane turned by 50 degrees differs by less, even at the far edge of a view of 50
-// degrees.
-constexpr float kBehind = 1.4F;
-
 void find_corners(const FrameImages& frame, int from_level, StageProbe* probe) {
   const ScopedStage stage(probe, Stage::kCorners);
   for (int level = from_level; level < kPyramidLevels; ++level) (void)frame.corners(level);
@@ -48,31 +19,33 @@ void find_corners(const FrameImages& frame, int from_level, StageProbe* probe) {
 
 SearchEffort normal_effort(const TrackerOptions& options) {
   SearchEffort effort;
-  effort.coarse_points = options.coarse_points;
-  effort.coarse_radius = options.coarse_radius;
-  effort.fine_radius = options.fine_radius;
-  effort.fine_radius_after_coarse = options.fine_radius_after_coarse;
-  effort.max_squared_cutoff = kMaxSquaredCutoff;
-  effort.enough_aligned = kEnoughAligned;
+  const PoseFinderOptions& finder = options.finder;
+  effort.coarse_points = finder.coarse_points;
+  effort.coarse_radius = finder.coarse_radius;
+  effort.fine_radius = finder.fine_radius;
+  effort.fine_radius_after_coarse = finder.fine_radius_after_coarse;
+  effort.max_squared_cutoff = finder.max_squared_cutoff;
+  effort.enough_aligned = finder.enough_aligned;
   effort.doubts_coarse = true;
   return effort;
 }
 
 SearchEffort wide_effort(const TrackerOptions& options) {
   SearchEffort effort;
-  effort.coarse_points = 2 * options.coarse_points;
-  effort.coarse_radius = kWiden * options.coarse_radius;
-  effort.fine_radius = kWiden * options.fine_radius;
-  effort.fine_radius_after_coarse = options.fine_radius;
+  const PoseFinderOptions& finder = options.finder;
+  effort.coarse_points = static_cast<int>(finder.widen * static_cast<float>(finder.coarse_points));
+  effort.coarse_radius = finder.widen * finder.coarse_radius;
+  effort.fine_radius = finder.widen * finder.fine_radius;
+  effort.fine_radius_after_coarse = finder.fine_radius;
   return effort;
 }
 
 PoseFinder::PoseFinder(CameraPtr camera, const TrackerOptions& options)
     : camera_(camera),
-      max_points_(options.max_points),
+      options_(options.finder),
       good_quality_(options.good_quality),
       lost_quality_(options.lost_quality),
-      search_(std::move(camera)),
+      search_(std::move(camera), options_.points),
       order_(camera_->width(), camera_->height()) {}
 
 void PoseFinder::clear() {
@@ -120,7 +93,7 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
     observed_.push_back(i);
   }
   PoseOptions pose_options;
-  pose_options.min_squared_cutoff = kMinSquaredCutoff;
+  pose_options.min_squared_cutoff = options_.min_squared_cutoff;
   pose_options.max_squared_cutoff = max_squared_cutoff;
   if (!optimize_pose(*camera_, start, observations_, pose_options, &workspace_, &estimate_))
     return std::nullopt;
@@ -133,22 +106,23 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
 
 std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3& start,
                                             const SearchEffort& effort, StageProbe* probe) {
-  const auto coarse_end = std::find_if(seen_.points.begin(), seen_.points.end(),
-                                       [](const VisiblePoint& p) { return p.level < kCoarseLevel; });
-  if (coarse_end - seen_.points.begin() < kCoarseAvailable) return std::nullopt;
-  find_corners(frame, kCoarseLevel, probe);
+  const auto coarse_end =
+      std::find_if(seen_.points.begin(), seen_.points.end(),
+                   [this](const VisiblePoint& p) { return p.level < options_.coarse_level; });
+  if (coarse_end - seen_.points.begin() < options_.coarse_available) return std::nullopt;
+  find_corners(frame, options_.coarse_level, probe);
   int found = 0;
   {
     const ScopedStage stage(probe, Stage::kCoarse);
     const auto count = std::min<ptrdiff_t>(coarse_end - seen_.points.begin(), effort.coarse_points);
     for (auto p = seen_.points.begin(); p != seen_.points.begin() + count; ++p) {
-      search_.search(frame, {effort.coarse_radius, kRefineIterations, SearchBy::kBoth}, &*p);
+      search_.search(frame, {effort.coarse_radius, options_.refine_iterations, SearchBy::kBoth}, &*p);
       found += p->found ? 1 : 0;
     }
   }
-  if (found < kCoarseFound) return std::nullopt;
+  if (found < options_.coarse_found) return std::nullopt;
   auto pose = solve(start, effort.max_squared_cutoff, probe);
-  if (!pose || seen_.found < kCoarseFound) return std::nullopt;
+  if (!pose || seen_.found < options_.coarse_found) return std::nullopt;
   return pose;
 }
 
@@ -166,15 +140,15 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
     std::erase_if(seen_.points, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
   }
   // A coarse point that was not found is looked for again where the coarse pose puts it.
-  search_missing(frame, {radius, kRefineIterations, SearchBy::kAlignment}, probe);
+  search_missing(frame, {radius, options_.refine_iterations, SearchBy::kAlignment}, probe);
   const auto is_found = [](const VisiblePoint& p) { return p.found; };
   const auto found = std::count_if(seen_.points.begin(), seen_.points.end(), is_found);
   if (static_cast<float>(found) < effort.enough_aligned * static_cast<float>(seen_.points.size())) {
     find_corners(frame, 0, probe);
-    search_missing(frame, {radius, kRefineIterations, SearchBy::kCorners}, probe);
+    search_missing(frame, {radius, options_.refine_iterations, SearchBy::kCorners}, probe);
   }
   const auto pose = solve(start, effort.max_squared_cutoff, probe);
-  return seen_.rms <= kMostRms ? pose : std::nullopt;
+  return seen_.rms <= options_.most_rms ? pose : std::nullopt;
 }
 
 std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
@@ -192,7 +166,7 @@ std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start
 
 bool PoseFinder::is_as_expected(const SearchEffort& effort) const {
   return seen_.camera_from_map && judge() == PoseVerdict::kGood &&
-         quality() >= kLeastOfQualityExpected * effort.expected_quality;
+         quality() >= options_.least_of_quality_expected * effort.expected_quality;
 }
 
 void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
@@ -200,7 +174,7 @@ void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEf
   clear();
   {
     const ScopedStage stage(probe, Stage::kProject);
-    search_.find_visible(start, max_points_, &seen_.points);
+    search_.find_visible(start, options_.max_points, &seen_.points);
   }
   const auto coarse = coarse_stage(frame, start, effort, probe);
   seen_.used_coarse = coarse.has_value();
@@ -230,24 +204,25 @@ void PoseFinder::mark_hidden() {
   }
   seen_.hidden = 0;
   for (VisiblePoint& p : seen_.points) {
-    p.hidden = !p.found && order_.is_hidden(p.expected, p.depth, kBehind);
+    p.hidden = !p.found && order_.is_hidden(p.expected, p.depth, options_.behind);
     seen_.hidden += p.hidden ? 1 : 0;
   }
 }
 
 PoseVerdict PoseFinder::judge() const {
-  if (seen_.found < kFewestFound) return PoseVerdict::kBad;
+  if (seen_.found < options_.fewest_found) return PoseVerdict::kBad;
   if (quality() > good_quality_) return PoseVerdict::kGood;
-  if (quality() < kLeastQuality) return PoseVerdict::kBad;
+  if (quality() < options_.least_quality) return PoseVerdict::kBad;
   int large = 0;
   int large_found = 0;
   for (const VisiblePoint& p : seen_.points) {
-    if (p.level < kCoarseLevel || p.hidden) continue;
+    if (p.level < options_.coarse_level || p.hidden) continue;
     ++large;
     large_found += p.found ? 1 : 0;
   }
-  const float share =
-      large > kLargeAttempted ? static_cast<float>(large_found) / static_cast<float>(large) : quality();
+  const float share = large > options_.large_attempted
+                          ? static_cast<float>(large_found) / static_cast<float>(large)
+                          : quality();
   return share < lost_quality_ ? PoseVerdict::kBad : PoseVerdict::kPoor;
 }
 

@@ -19,6 +19,44 @@ namespace cairn {
 
 struct TrackerOptions;
 
+struct PoseFinderOptions {
+  int max_points = 1100;     ///< searched per frame; PTAM r114 has 1000, of which sim-desk shows 490
+  int coarse_points = 60;    ///< (PTAM r114)
+  float coarse_radius = 30;  ///< [px of level 0] (PTAM r114)
+  float fine_radius = 10;    ///< [px of level 0] without a coarse stage before (PTAM r114)
+  float fine_radius_after_coarse = 5;  ///< [px of level 0] (PTAM r114)
+  int coarse_level =
+      2;  ///< level from which on points are of the coarse stage (PTAM r114: the two top levels)
+  int coarse_available = 20;  ///< points: fewer and the coarse stage is left out (PTAM r114)
+  int coarse_found = 12;      ///< points: fewer and its pose is not believed (PTAM: 20 of 60)
+  /// Of the points searched. Corners find a few points in a hundred that alignment does not, for a quarter of
+  /// the frame's time: they are asked where alignment finds less, as in blur and where the coarse pose is
+  /// off.
+  float enough_aligned = 0.4F;
+  int refine_iterations = 8;  ///< of an alignment (PTAM r114)
+  int large_attempted = 10;  ///< points of the coarse levels: with fewer their share says nothing (PTAM r114)
+  int fewest_found = 15;     ///< inliers below which no pose is believed
+  float least_quality = 0.1F;  ///< so few of those in sight agree by chance, whatever the top levels say
+  /// [sigma^2] Tukey's cut-off, at least: sub-pixel matches at level 0 are good to 0.3 px.
+  double min_squared_cutoff = 1.0;
+  /// [sigma^2] At most. Where half of the matches are false (stripes, tiles, blur), their median is no
+  /// measure of the noise, and a cut-off from it lets them bend the pose by centimetres. A map that does not
+  /// fit so well is tracked by the second attempt, which has no ceiling.
+  double max_squared_cutoff = 9.0;
+  /// [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt
+  /// found by more than 5 was 5 to 40 cm off.
+  double most_rms = 3.0;
+  /// Of the quality of the frame before: what is found grows less as things leave the image and blur comes,
+  /// but not by so much from one frame to the next.
+  float least_of_quality_expected = 0.7F;
+  float widen = 2.0F;  ///< factor of the second attempt's radius and points (PTAM r114)
+  /// A point this many times as deep as points found beside it stands behind the thing they are on. Across
+  /// the cells of DepthOrder a plane turned by 50 degrees differs by less, even at the far edge of a view of
+  /// 50 degrees.
+  float behind = 1.4F;
+  PointSearchOptions points;
+};
+
 /// How far and for how many points a frame is searched.
 struct SearchEffort {
   int coarse_points = 0;
@@ -106,7 +144,7 @@ class PoseFinder {
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
 
   CameraPtr camera_;
-  int max_points_;
+  PoseFinderOptions options_;
   float good_quality_;
   float lost_quality_;
   PointSearch search_;

@@ -169,8 +169,8 @@ TEST(PoseFinder, TheBetterOfTwoLooksStays) {
   const CameraPtr camera = test_camera();
   const test::PlaneScene scene(3, camera);
   TrackerOptions options;
-  options.good_quality = 1.01F;  // nothing is good
-  options.fine_radius = 2;       // without a coarse stage it finds nothing there
+  options.good_quality = 1.01F;    // nothing is good
+  options.finder.fine_radius = 2;  // without a coarse stage it finds nothing there
   const SE3 truth = looking_down(0.05, 0.01);
   const SE3 start = looking_down(0.08, 0.01);  // 8 px
   FrameImages frame;

@@ -9,9 +9,6 @@
 namespace cairn {
 namespace {
 
-// [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
-constexpr double kKnownRotation = 0.033;
-
 /// Standard deviation in the direction that a matrix has least information of.
 double worst_sigma(const Eigen::Matrix3d& information) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(information, Eigen::EigenvaluesOnly);
@@ -21,19 +18,20 @@ double worst_sigma(const Eigen::Matrix3d& information) {
 
 }  // namespace
 
-PoseJudgement judge_pose(const Matrix6d& information, double mean_depth) {
+PoseJudgement judge_pose(const Matrix6d& information, double mean_depth,
+                         const PoseJudgementOptions& options) {
   PoseJudgement judgement;
   const Eigen::Matrix3d of_rotation = information.bottomRightCorner<3, 3>();
   judgement.position_sigma = std::numeric_limits<double>::infinity();
   judgement.rotation_sigma = worst_sigma(of_rotation);
-  if (!(judgement.rotation_sigma < kKnownRotation)) return judgement;
+  if (!(judgement.rotation_sigma < options.known_rotation)) return judgement;
   judgement.support = PoseSupport::kRotation;
   // What is left for the position once the rotation is whatever fits best.
   const Eigen::Matrix3d across = information.topRightCorner<3, 3>();
   const Eigen::Matrix3d of_position =
       information.topLeftCorner<3, 3>() - across * of_rotation.ldlt().solve(across.transpose());
   judgement.position_sigma = worst_sigma(of_position) / mean_depth;
-  if (judgement.position_sigma < kKnownPosition) judgement.support = PoseSupport::kPosition;
+  if (judgement.position_sigma < options.known_position) judgement.support = PoseSupport::kPosition;
   return judgement;
 }
 

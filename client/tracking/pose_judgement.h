@@ -14,8 +14,12 @@ enum class PoseSupport : uint8_t {
   kPosition,  ///< all of it
 };
 
-/// Sigma of a position that is known, over the depth: an overlay stands still.
-inline constexpr double kKnownPosition = 0.01;
+struct PoseJudgementOptions {
+  double known_position =
+      0.01;  ///< sigma of a position that is known, over the depth: an overlay stands still
+  /// [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
+  double known_rotation = 0.033;
+};
 
 /// How well a pose is determined, and what follows from it.
 struct PoseJudgement {
@@ -25,6 +29,7 @@ struct PoseJudgement {
 };
 /// By the information that the observations of a frame have of (translation, rotation), left tangent.
 /// `mean_depth` [map unit] of what the camera looks at.
-[[nodiscard]] PoseJudgement judge_pose(const Matrix6d& information, double mean_depth);
+[[nodiscard]] PoseJudgement judge_pose(const Matrix6d& information, double mean_depth,
+                                       const PoseJudgementOptions& options = {});
 
 }  // namespace cairn

@@ -11,42 +11,13 @@
 namespace cairn {
 namespace {
 
-// The corners of level 0 cost a fifth of a frame's time; those of the two levels above are good to the
-// fraction of a degree that is asked of them.
-constexpr int kFinestLevel = 1;
-constexpr int kCoarsestLevel = 2;
-constexpr int kCellLimit = 4;           // points in a cell; 48 cells have 192
-constexpr int kBeginEvery = 3;          // frames: a pan of 150 degrees/s turns by 15 degrees meanwhile
-constexpr float kNeighbour = 6;         // [px of level 0] nearer than that two corners are one
-constexpr int kBorder = 14;             // [level px] room for the patch that is cut
-constexpr float kLeastTexture = 70;     // Shi-Tomasi, as of keyframe candidates (PTAM r114)
-constexpr int kOldest = 900;            // frames: who waits so long for the map to grow waits in vain
-constexpr int kUnseenLimit = 60;        // frames out of view
-constexpr int kMissLimit = 8;           // frames in view and not found
-constexpr int kRefusals = 2;            // in a row: it moves, or was mistaken
-constexpr int kIterations = 8;          // of an alignment
-constexpr float kCoarseRadius = 20;     // [px of level 0]
-constexpr float kFineRadius = 6;        // [px of level 0]
-constexpr size_t kFewestCoarse = 6;     // found, to say where the camera has turned to
-constexpr size_t kFewestBearings = 15;  // that agree on a pose
-// As of the pose finder: matches are good to a third of their sigma, so the floor is the rule.
-constexpr double kMinSquaredCutoff = 1.0;
-constexpr double kMaxSquaredCutoff = 9.0;
-constexpr double kMeasuredSigma = 0.3;  // [search-level px] of an aligned patch
-constexpr double kGate = 9.21;          // squared innovation of 2 degrees of freedom: 99 %
-// Over the mean depth: from nearer than that the same errors would be measured twice.
-constexpr double kNewsDistance = 0.003;
-constexpr double kFreePosition = 1;     // over the mean depth: what is not measured is singular without
-constexpr double kTurnedOnly = 1e-3;    // over the depth: the camera turns and leaves its place
-constexpr double kPointDepth = 0.05;    // its standard deviation over itself, of what becomes a point
-constexpr double kLeastInverse = 1e-6;  // over the prior's: in front of the camera, however far
-// Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of a
-// wall alike.
-constexpr double kKnownDepth = 0.2;
+constexpr int kBorder = 14;  // [level px] room for the patch that is cut
 
 }  // namespace
 
-ProvisionalPoints::ProvisionalPoints(CameraPtr camera) : camera_(std::move(camera)) {
+ProvisionalPoints::ProvisionalPoints(CameraPtr camera, const ProvisionalPointsOptions& options,
+                                     const PoseJudgementOptions& judgement)
+    : camera_(std::move(camera)), options_(options), judgement_(judgement) {
   points_.reserve(kMostPoints);
   observations_.reserve(kMostPoints);
   estimate_.weights.reserve(kMostPoints);
@@ -65,7 +36,7 @@ void ProvisionalPoints::clear() {
   observations_.clear();
   for (Anchor& anchor : anchors_) anchor.points = 0;
   map_.reset();
-  frames_unbegun_ = kBeginEvery;
+  frames_unbegun_ = options_.begin_every;
 }
 
 ProvisionalPoints::Followed ProvisionalPoints::at(size_t i) const {
@@ -80,7 +51,7 @@ ProvisionalPoints::Followed ProvisionalPoints::at(size_t i) const {
 void ProvisionalPoints::known(std::vector<LocalPoint>* out) const {
   for (const Point& p : points_) {
     if (!p.found || p.refused > 0 ||
-        p.variance > kPointDepth * kPointDepth * p.inverse_depth * p.inverse_depth)
+        p.variance > options_.point_depth * options_.point_depth * p.inverse_depth * p.inverse_depth)
       continue;
     const SE3 map_from_anchor = anchors_[p.anchor].anchor_from_map.inverse();
     const double distance = 1 / p.inverse_depth;
@@ -163,14 +134,16 @@ void ProvisionalPoints::search(const FrameImages& now, float radius, bool asks_c
   point->found = false;
   if (!point->in_view) return;
   const int level = point->search_level;
-  const PatchTemplate* patch = point->kept.of(point->source, point->warp, level,
-                                              missing_smear(now.smear.at(point->expected), point->smear));
+  const PatchTemplate* patch =
+      point->kept.of(point->source, point->warp, level,
+                     missing_smear(now.smear.at(point->expected), point->smear), options_.templates);
   if (patch == nullptr) return;
   const GrayImage& image = now.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
   const float reach = radius / static_cast<float>(1 << level);
-  auto there = refine_patch(*patch, image, center, kIterations, reach);
-  if (!there && asks_corners) there = look_around(*patch, now, center, reach, kIterations);
+  auto there = refine_patch(*patch, image, center, options_.iterations, reach);
+  if (!there && asks_corners)
+    there = look_around(*patch, now, center, reach, options_.iterations, options_.templates);
   if (!there) return;
   point->pixel = {from_level(there->x(), level), from_level(there->y(), level)};
   point->found = true;
@@ -181,17 +154,17 @@ SE3 ProvisionalPoints::follow_coarse(const FrameImages& now, const SE3& predicte
   for (Point& p : points_) {
     p.found = false;
     project(predicted, &p);
-    if (p.level == kCoarsestLevel) search(now, kCoarseRadius, true, &p);
+    if (p.level == options_.coarsest_level) search(now, options_.coarse_radius, true, &p);
   }
   observe();
-  if (observations_.size() < kFewestCoarse) return predicted;
+  if (observations_.size() < options_.fewest_coarse) return predicted;
   double inverse_depth = 0;
   for (const BearingObservation& b : observations_) inverse_depth += b.inverse_depth;
   PoseSupplement turned{observations_, std::nullopt};
-  turned.position = PositionPrior{predicted.center(),
-                                  kTurnedOnly * static_cast<double>(observations_.size()) / inverse_depth};
+  turned.position = PositionPrior{
+      predicted.center(), options_.turned_only * static_cast<double>(observations_.size()) / inverse_depth};
   PoseOptions options;
-  options.min_squared_cutoff = kMinSquaredCutoff;
+  options.min_squared_cutoff = options_.min_squared_cutoff;
   if (!optimize_pose(*camera_, predicted, {}, turned, options, &workspace_, &estimate_)) return predicted;
   return 2 * estimate_.inliers > static_cast<int>(observations_.size()) ? estimate_.camera_from_map
                                                                         : predicted;
@@ -205,7 +178,7 @@ void ProvisionalPoints::follow(const FrameImages& now, const SE3& predicted, con
   for (Point& p : points_) {
     if (p.found) continue;
     project(turned, &p);
-    search(now, kFineRadius, false, &p);
+    search(now, options_.fine_radius, false, &p);
   }
   observe();
 }
@@ -224,28 +197,28 @@ void ProvisionalPoints::observe() {
 std::optional<ProvisionalPoints::Located> ProvisionalPoints::locate(const SE3& start,
                                                                     std::span<const VisiblePoint> map_points,
                                                                     double mean_depth) {
-  if (observations_.size() < kFewestBearings) return std::nullopt;
+  if (observations_.size() < options_.fewest_bearings) return std::nullopt;
   of_map_.clear();
   for (const VisiblePoint& p : map_points) {
     if (p.found) of_map_.push_back({p.position, p.pixel.cast<double>(), static_cast<double>(1 << p.level)});
   }
   PoseOptions options;
-  options.min_squared_cutoff = kMinSquaredCutoff;
-  options.max_squared_cutoff = kMaxSquaredCutoff;
+  options.min_squared_cutoff = options_.min_squared_cutoff;
+  options.max_squared_cutoff = options_.max_squared_cutoff;
   const auto fit = [&](double position_sigma) {
     const PoseSupplement supplement{observations_,
                                     PositionPrior{start.center(), position_sigma * mean_depth}};
     return optimize_pose(*camera_, start, of_map_, supplement, options, &workspace_, &estimate_).has_value();
   };
-  if (!fit(kFreePosition)) return std::nullopt;
-  const PoseJudgement judgement = judge_pose(estimate_.information, mean_depth);
+  if (!fit(options_.free_position)) return std::nullopt;
+  const PoseJudgement judgement = judge_pose(estimate_.information, mean_depth, judgement_);
   if (judgement.support == PoseSupport::kNone) return std::nullopt;
   // Half measured it would wander: it stays.
-  if (judgement.support == PoseSupport::kRotation && !fit(kTurnedOnly)) return std::nullopt;
+  if (judgement.support == PoseSupport::kRotation && !fit(options_.turned_only)) return std::nullopt;
   const auto first = estimate_.weights.begin() + static_cast<ptrdiff_t>(of_map_.size());
   const auto agree = static_cast<size_t>(
       std::count_if(first, estimate_.weights.end(), [](double weight) { return weight > 0; }));
-  if (agree < kFewestBearings || 2 * agree < observations_.size()) return std::nullopt;
+  if (agree < options_.fewest_bearings || 2 * agree < observations_.size()) return std::nullopt;
   return Located{estimate_.camera_from_map, estimate_.covariance, judgement, agree};
 }
 
@@ -262,12 +235,12 @@ bool ProvisionalPoints::measure(const KnownPose& pose, const SE3& camera_from_an
   const Eigen::Vector2d by_depth = d_pixel_d_direction * origin;
   Eigen::Matrix<double, 2, 6> by_pose;
   by_pose << point->inverse_depth * d_pixel_d_direction, -d_pixel_d_direction * skew(direction);
-  const double sigma = kMeasuredSigma * static_cast<double>(1 << point->search_level);
+  const double sigma = options_.measured_sigma * static_cast<double>(1 << point->search_level);
   const Eigen::Matrix2d noise =
       sigma * sigma * Eigen::Matrix2d::Identity() + by_pose * pose.covariance * by_pose.transpose();
   const Eigen::Vector2d innovation = point->pixel.cast<double>() - *pixel;
   const Eigen::Matrix2d spread = noise + point->variance * by_depth * by_depth.transpose();
-  if (innovation.dot(spread.inverse() * innovation) > kGate) return false;
+  if (innovation.dot(spread.inverse() * innovation) > options_.gate) return false;
   if (!is_news) return true;
   const Eigen::Vector2d weighted = noise.inverse() * by_depth;
   const double information = by_depth.dot(weighted);
@@ -279,7 +252,7 @@ bool ProvisionalPoints::measure(const KnownPose& pose, const SE3& camera_from_an
     const double measured = weighted.dot(innovation) / information;
     point->innovation = measured * measured / (point->variance + 1 / information);
   }
-  point->inverse_depth = std::max(prior + step, kLeastInverse / pose.mean_depth);
+  point->inverse_depth = std::max(prior + step, options_.least_inverse / pose.mean_depth);
   point->variance = step_variance;
   return true;
 }
@@ -290,7 +263,7 @@ void ProvisionalPoints::measure(const KnownPose& pose) {
     Anchor& anchor = anchors_[i];
     if (anchor.points == 0 || pose.support != PoseSupport::kPosition) continue;
     const Eigen::Vector3d center = anchor.anchor_from_map * pose.camera_from_map.center();
-    is_news[i] = (center - anchor.measured_from).norm() > kNewsDistance * pose.mean_depth;
+    is_news[i] = (center - anchor.measured_from).norm() > options_.news_distance * pose.mean_depth;
     if (is_news[i]) anchor.measured_from = center;
   }
   for (Point& p : points_) {
@@ -307,8 +280,8 @@ void ProvisionalPoints::drop_aged() {
     Point& p = points_[i];
     ++p.age;
     p.unseen = p.found ? 0 : p.unseen + 1;
-    const int limit = p.in_view ? kMissLimit : kUnseenLimit;
-    if (p.age > kOldest || p.unseen > limit || p.refused >= kRefusals) drop(i);
+    const int limit = p.in_view ? options_.miss_limit : options_.unseen_limit;
+    if (p.age > options_.oldest || p.unseen > limit || p.refused >= options_.refusals) drop(i);
   }
 }
 
@@ -324,7 +297,7 @@ void ProvisionalPoints::fill_cells(std::span<const VisiblePoint> map_points) {
   cells_.fill(0);
   // One point of the server's map holds its cell.
   for (const VisiblePoint& p : map_points) {
-    if (p.found) cells_[cell_of(p.pixel)] += is_local(p.id) ? 1 : kCellLimit;
+    if (p.found) cells_[cell_of(p.pixel)] += is_local(p.id) ? 1 : options_.cell_limit;
   }
   for (const Point& p : points_) {
     if (p.in_view) ++cells_[cell_of(p.found ? p.pixel : p.expected)];
@@ -333,7 +306,8 @@ void ProvisionalPoints::fill_cells(std::span<const VisiblePoint> map_points) {
 
 bool ProvisionalPoints::has_neighbour(const Eigen::Vector2f& pixel) const {
   return std::any_of(points_.begin(), points_.end(), [&](const Point& p) {
-    return p.in_view && ((p.found ? p.pixel : p.expected) - pixel).squaredNorm() < kNeighbour * kNeighbour;
+    return p.in_view &&
+           ((p.found ? p.pixel : p.expected) - pixel).squaredNorm() < options_.neighbour * options_.neighbour;
   });
 }
 
@@ -395,22 +369,23 @@ bool ProvisionalPoints::begin_point(const FrameImages& now, const KnownPose& pos
 void ProvisionalPoints::begin_level(const FrameImages& now, const KnownPose& pose, int level, size_t anchor) {
   struct Best {
     Corner corner;
-    float score = kLeastTexture;
+    float score = 0;
   };
   std::array<Best, size_t{kColumns} * kRows> best;
+  best.fill({{}, options_.least_texture});
   const GrayImage& image = now.pyramid.level(level);
   for (const Corner& c : now.corners(level).corners) {
     const bool has_room =
         c.x >= kBorder && c.y >= kBorder && c.x < image.width() - kBorder && c.y < image.height() - kBorder;
     if (!has_room) continue;
     const size_t cell = cell_of({from_level(c.x, level), from_level(c.y, level)});
-    if (cells_[cell] >= kCellLimit) continue;
+    if (cells_[cell] >= options_.cell_limit) continue;
     const float score = shi_tomasi(image, c.x, c.y);
     if (score > best[cell].score) best[cell] = {c, score};
   }
   for (size_t cell = 0; cell < best.size(); ++cell) {
     const Best& b = best[cell];
-    if (!(b.score > kLeastTexture)) continue;
+    if (!(b.score > options_.least_texture)) continue;
     if (has_neighbour({from_level(b.corner.x, level), from_level(b.corner.y, level)})) continue;
     if (!make_room()) return;
     if (!begin_point(now, pose, level, b.corner, anchor)) continue;
@@ -419,12 +394,14 @@ void ProvisionalPoints::begin_level(const FrameImages& now, const KnownPose& pos
 }
 
 void ProvisionalPoints::begin(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map) {
-  const bool has_want = std::any_of(cells_.begin(), cells_.end(), [](int n) { return n < kCellLimit; });
-  if (++frames_unbegun_ < kBeginEvery || !has_want) return;
+  const bool has_want =
+      std::any_of(cells_.begin(), cells_.end(), [this](int n) { return n < options_.cell_limit; });
+  if (++frames_unbegun_ < options_.begin_every || !has_want) return;
   const auto anchor = new_anchor(pose, map);
   if (!anchor) return;
   frames_unbegun_ = 0;
-  for (int level = kCoarsestLevel; level >= kFinestLevel; --level) begin_level(now, pose, level, *anchor);
+  for (int level = options_.coarsest_level; level >= options_.finest_level; --level)
+    begin_level(now, pose, level, *anchor);
 }
 
 std::vector<PointCandidate> ProvisionalPoints::candidates(const SE3& camera_from_map) const {
@@ -438,7 +415,7 @@ std::vector<PointCandidate> ProvisionalPoints::candidates(const SE3& camera_from
     const double inverse_depth = p.inverse_depth / length;
     const double by_inverse_depth = bearing.dot(direction) / (length * length * length);
     const double sigma = std::abs(by_inverse_depth) * std::sqrt(p.variance);
-    if (sigma > kKnownDepth * inverse_depth) continue;
+    if (sigma > options_.known_depth * inverse_depth) continue;
     known.push_back({p.id, p.level, p.pixel, static_cast<float>(inverse_depth), static_cast<float>(sigma)});
   }
   return known;

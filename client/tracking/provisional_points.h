@@ -22,6 +22,42 @@
 
 namespace cairn {
 
+struct ProvisionalPointsOptions {
+  /// Levels. The corners of level 0 cost a fifth of a frame's time; those of the two levels above are good to
+  /// the fraction of a degree that is asked of them.
+  int finest_level = 1;
+  int coarsest_level = 2;
+  int cell_limit = 4;             ///< points in a cell; 48 cells have 192
+  int begin_every = 3;            ///< [frames] a pan of 150 degrees/s turns by 15 degrees meanwhile
+  float neighbour = 6;            ///< [px of level 0] nearer than that two corners are one
+  float least_texture = 70;       ///< Shi-Tomasi's measure, as of keyframe candidates (PTAM r114)
+  int oldest = 900;               ///< [frames] who waits so long for the map to grow waits in vain
+  int unseen_limit = 60;          ///< [frames] out of view
+  int miss_limit = 8;             ///< [frames] in view and not found
+  int refusals = 2;               ///< in a row: it moves, or was mistaken
+  int iterations = 8;             ///< of an alignment
+  float coarse_radius = 20;       ///< [px of level 0]
+  float fine_radius = 6;          ///< [px of level 0]
+  uint64_t fewest_coarse = 6;     ///< found, to say where the camera has turned to
+  uint64_t fewest_bearings = 15;  ///< that agree on a pose
+  /// [sigma^2] As of the pose finder: matches are good to a third of their sigma, so the floor is the rule.
+  double min_squared_cutoff = 1.0;
+  double max_squared_cutoff = 9.0;  ///< [sigma^2]
+  double measured_sigma = 0.3;      ///< [search-level px] of an aligned patch
+  double gate = 9.21;               ///< squared innovation of 2 degrees of freedom: 99 % of chi-square
+  double news_distance =
+      0.003;  ///< over the mean depth: from nearer than that the same errors would be measured twice
+  double free_position = 1;   ///< sigma over the mean depth: what is not measured is singular without
+  double turned_only = 1e-3;  ///< sigma over the depth: the camera turns and leaves its place
+  double point_depth = 0.05;  ///< sigma of the inverse depth over itself, of what becomes a point
+  double least_inverse =
+      1e-6;  ///< of the inverse depth, over the prior's: in front of the camera, however far
+  /// Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of
+  /// a wall alike.
+  double known_depth = 0.2;
+  KeptTemplateOptions templates;
+};
+
 /// Corners that the map has no points of, followed with known poses: each a bearing from where it was seen
 /// first, and an inverse depth with its variance (Civera, Davison and Montiel, T-RO 2008). They hold the
 /// rotation while the camera turns away from its map (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and
@@ -32,7 +68,8 @@ class ProvisionalPoints {
  public:
   static constexpr size_t kMostPoints = 200;
 
-  explicit ProvisionalPoints(CameraPtr camera);
+  explicit ProvisionalPoints(CameraPtr camera, const ProvisionalPointsOptions& options = {},
+                             const PoseJudgementOptions& judgement = {});
 
   /// Other values of the same camera, from now on: what was seen with the old ones is forgotten.
   void use_camera(CameraPtr camera);
@@ -52,7 +89,7 @@ class ProvisionalPoints {
     size_t bearings = 0;  ///< that agree
   };
   /// Of the frame of the latest follow(). The position stays that of `start` where it is not determined.
-  /// Nothing where not even the rotation is determined, where fewer than 15 bearings agree, or less than half
+  /// Nothing where not even the rotation is determined, where too few bearings agree, or less than half
   /// of those found.
   [[nodiscard]] std::optional<Located> locate(const SE3& start, std::span<const VisiblePoint> map_points,
                                               double mean_depth);
@@ -156,6 +193,8 @@ class ProvisionalPoints {
   [[nodiscard]] bool has_neighbour(const Eigen::Vector2f& pixel) const;
 
   CameraPtr camera_;
+  ProvisionalPointsOptions options_;
+  PoseJudgementOptions judgement_;
   std::optional<MapId> map_;
   std::vector<Point> points_;
   std::array<Anchor, kMostAnchors> anchors_;

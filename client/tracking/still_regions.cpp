@@ -9,28 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kFastThreshold = 10;  // [grey levels] (PTAM r114)
-constexpr int kPlace =
-    40;  // [px of level 0] squares in which corners are judged together to have moved or not
-// Squares whose corners have gone, for the camera to have moved; and so many times as many as those whose
-// corners have stayed, since a hand before a camera at rest moves, too.
-constexpr int kFewestMoved = 6;
-constexpr int kMovedByStill = 2;
-constexpr int kFewestCounted = 8;  // frames; by chance a corner is back within 2 px in one of four
-constexpr int kMostCounted = 16;   // frames, then counting begins anew: a mark may come and go
-constexpr int kMostLooks =
-    100;  // at frames, for the first judgement: a camera that hardly moves tells nothing
-constexpr float kOftenSeen = 0.8F;
-constexpr int kMostChange =
-    6;  // [grey levels of level 3] of what keeps its brightness: noise and JPEG's rings
-constexpr float kCoherent =
-    0.5F;  // |sum of gradients|^2 over frames times sum of |gradient|^2; by chance 1 / frames
-constexpr float kRimGradient = 6;    // [grey levels of level 3 over two pixels]
-constexpr size_t kFewestFramed = 8;  // cells of rim
-constexpr int kLeastMeanChange = 2;  // [grey levels of level 3] since the last frame counted
-constexpr int kMostWatched = 16;     // [grey levels] of a border that has been found
-constexpr int kLeastChange = 15;     // of most of the image, for that to mean anything
-
 // What a cell of the border is: of one brightness, or the rim beside it.
 constexpr uint8_t kUnchanging = 1;
 constexpr uint8_t kRim = 2;
@@ -42,8 +20,7 @@ size_t at(int x, int y, int width) {
 }  // namespace
 
 bool StillRegions::look(const Pyramid& frame, bool has_time) {
-  constexpr int kLearnEvery = 8;
-  const bool is_turn = ++unlearnt_ >= kLearnEvery && !has_judged_;
+  const bool is_turn = ++unlearnt_ >= options_.learn_every && !has_judged_;
   if (!has_time && !is_turn) return watch(frame.level(kPyramidLevels - 1));
   unlearnt_ = 0;
   return learn(frame);
@@ -53,25 +30,25 @@ bool StillRegions::learn(const Pyramid& frame) {
   const GrayImage& level0 = frame.level(0);
   const GrayImage& level3 = frame.level(kPyramidLevels - 1);
   if (level3.width() != width_ || level3.height() != height_) {
-    *this = {};
+    *this = StillRegions(options_);
     begin(level3);
   }
   if (!last_.empty() && !has_changed(level3)) return false;
-  has_judged_ |= ++looks_ >= kMostLooks;
-  detect_fast10(level0, kFastThreshold, &fast_);
+  has_judged_ |= ++looks_ >= options_.most_looks;
+  detect_fast10(level0, options_.fast_threshold, &fast_);
   corners_ = find_candidates(level0, fast_);
   columns_ = level0.width() / 2 + 1;
   rows_ = level0.height() / 2 + 1;
   if (!had_corner_.empty() && !has_moved(level0)) return false;
   mark_corners();
   count(level3);
-  const bool is_first = mask_ == nullptr && frames_ >= kFewestCounted;
-  if (!is_first && frames_ < kMostCounted) return false;
+  const bool is_first = mask_ == nullptr && frames_ >= options_.fewest_counted;
+  if (!is_first && frames_ < options_.most_counted) return false;
   const StillMaskPtr before = mask_;
   find_still_corners();
   find_border();
   mask_ = make_mask();
-  if (frames_ >= kMostCounted) {
+  if (frames_ >= options_.most_counted) {
     has_judged_ = true;
     begin(level3);
   }
@@ -97,29 +74,28 @@ bool StillRegions::has_changed(const GrayImage& level3) const {
   for (int y = 0; y < height_; ++y) {
     for (int x = 0; x < width_; ++x) change += std::abs(level3.row(y)[x] - last_.row(y)[x]);
   }
-  return change > static_cast<int64_t>(kLeastMeanChange) * width_ * height_;
+  return change > static_cast<int64_t>(options_.least_mean_change) * width_ * height_;
 }
 
 bool StillRegions::has_moved(const GrayImage& level0) const {
-  const int across = level0.width() / kPlace + 1;
-  const int down = level0.height() / kPlace + 1;
+  const int across = level0.width() / options_.square + 1;
+  const int down = level0.height() / options_.square + 1;
   const auto places = static_cast<size_t>(across) * static_cast<size_t>(down);
   std::vector<int> stayed(places, 0);
   std::vector<int> all(places, 0);
   for (const auto& [c, score] : corners_) {
-    const size_t place = at(c.x / kPlace, c.y / kPlace, across);
+    const size_t place = at(c.x / options_.square, c.y / options_.square, across);
     ++all[place];
     stayed[place] += had_corner_[at(c.x / 2, c.y / 2, columns_)];
   }
-  constexpr float kMostLeave = 0.5F;  // of the corners of a square
   int moved = 0;
   int still = 0;
   for (size_t i = 0; i < all.size(); ++i) {
     if (all[i] == 0) continue;
-    const bool is_moved = static_cast<float>(stayed[i]) < kMostLeave * static_cast<float>(all[i]);
+    const bool is_moved = static_cast<float>(stayed[i]) < options_.most_stay * static_cast<float>(all[i]);
     (is_moved ? moved : still) += 1;
   }
-  return moved >= kFewestMoved && moved >= kMovedByStill * still;
+  return moved >= options_.fewest_moved && moved >= options_.moved_by_still * still;
 }
 
 void StillRegions::mark_corners() {
@@ -166,8 +142,8 @@ void StillRegions::count_gradients(const GrayImage& level3) {
 bool StillRegions::is_rim(size_t cell) const {
   const auto n = static_cast<float>(frames_);
   const float along = gradient_x_[cell] * gradient_x_[cell] + gradient_y_[cell] * gradient_y_[cell];
-  return gradient_squared_[cell] > kRimGradient * kRimGradient * n &&
-         along > kCoherent * n * gradient_squared_[cell];
+  return gradient_squared_[cell] > options_.rim_gradient * options_.rim_gradient * n &&
+         along > options_.coherent * n * gradient_squared_[cell];
 }
 
 StillMaskPtr StillRegions::make_mask() const {
@@ -188,7 +164,7 @@ bool StillRegions::watch(const GrayImage& level3) {
       if (border_[i] != kUnchanging) continue;
       border_dark_[i] = std::min(border_dark_[i], row[x]);
       border_bright_[i] = std::max(border_bright_[i], row[x]);
-      if (border_bright_[i] - border_dark_[i] <= kMostWatched) continue;
+      if (border_bright_[i] - border_dark_[i] <= options_.most_watched) continue;
       border_[i] = 0;
       changed = true;
     }
@@ -199,7 +175,7 @@ bool StillRegions::watch(const GrayImage& level3) {
 
 void StillRegions::find_still_corners() {
   marks_.assign(static_cast<size_t>(width_) * static_cast<size_t>(height_), 0);
-  const auto often = static_cast<uint8_t>(kOftenSeen * static_cast<float>(frames_) + 0.5F);
+  const auto often = static_cast<uint8_t>(options_.often_seen * static_cast<float>(frames_) + 0.5F);
   constexpr int kPerCell = (1 << (kPyramidLevels - 1)) / 2;
   for (int y = 0; y < rows_; ++y) {
     for (int x = 0; x < columns_; ++x) {
@@ -221,10 +197,10 @@ void StillRegions::find_border() {
   std::vector<uint8_t> sorted = change;
   const auto middle = sorted.begin() + static_cast<ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
-  if (*middle < kLeastChange) return;
+  if (*middle < options_.least_change) return;
 
   std::vector<uint8_t> visited(change.size(), 0);
-  const auto is_unchanging = [&](size_t i) { return change[i] <= kMostChange; };
+  const auto is_unchanging = [&](size_t i) { return change[i] <= options_.most_change; };
   for (int y = 0; y < height_; ++y) {
     const int step = y == 0 || y == height_ - 1 ? 1 : std::max(1, width_ - 1);
     for (int x = 0; x < width_; x += step) {
@@ -275,7 +251,7 @@ void StillRegions::add_if_framed(size_t start, const Passes& is_unchanging, std:
   const std::vector<size_t> region = region_from(start, is_unchanging, visited, &around);
   const auto rim_of = [this](size_t i) { return is_rim(i); };
   const auto framed = static_cast<size_t>(std::count_if(around.begin(), around.end(), rim_of));
-  if (framed < kFewestFramed || framed * 2 < around.size()) return;
+  if (framed < options_.fewest_framed || framed * 2 < around.size()) return;
   for (const size_t i : region) border_[i] = kUnchanging;
   for (const size_t i : around) {
     if ((*visited)[i] != 0 || !is_rim(i)) continue;

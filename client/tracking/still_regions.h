@@ -10,6 +10,29 @@
 
 namespace cairn {
 
+struct StillRegionsOptions {
+  int learn_every = 8;      ///< [frames] while one tracks
+  int fast_threshold = 10;  ///< [grey levels] (PTAM r114)
+  int square = 40;  ///< [px of level 0] squares in which corners are judged together to have moved or not
+  float most_stay = 0.5F;  ///< of the corners of a square that has moved
+  /// Squares whose corners have gone, for the camera to have moved; and so many times as many as those whose
+  /// corners have stayed, since a hand before a camera at rest moves, too.
+  int fewest_moved = 6;
+  int moved_by_still = 2;
+  int fewest_counted = 8;   ///< [frames] by chance a corner is back within 2 px in one of four
+  int most_counted = 16;    ///< [frames] then counting begins anew: a mark may come and go
+  int most_looks = 100;     ///< [frames] for the first judgement: a camera that hardly moves tells nothing
+  float often_seen = 0.8F;  ///< of the frames counted
+  int most_change = 6;      ///< [grey levels of level 3] of what keeps its brightness: noise and JPEG's rings
+  float coherent =
+      0.5F;  ///< |sum of gradients|^2 over frames times sum of |gradient|^2; by chance 1 / frames
+  float rim_gradient = 6;      ///< [grey levels of level 3 over two pixels]
+  uint64_t fewest_framed = 8;  ///< [cells] of rim
+  int least_mean_change = 2;   ///< [grey levels of level 3] since the last frame counted
+  int most_watched = 16;       ///< [grey levels] of a border that has been found
+  int least_change = 15;       ///< [grey levels] of most of the image, for that to mean anything
+};
+
 /// Finds what stands still in the images of a camera that moves. A camera that moves moves nearly everything
 /// it sees: corners that come back at the same pixels in frame after frame while most others are gone belong
 /// to a water mark, a notch or a rim; and what lies at the border of the image and keeps its brightness while
@@ -17,6 +40,8 @@ namespace cairn {
 /// that did, so a camera at rest before something that moves masks nothing. Pure; one thread.
 class StillRegions {
  public:
+  explicit StillRegions(const StillRegionsOptions& options = {}) : options_(options) {}
+
   /// Looks at a frame while one tracks: it is learnt from every eighth until that is judged, since their
   /// corners cost a millisecond, and the others are watched. Where there `has_time`, since there is nothing
   /// to track, each is learnt from. True when mask() has changed.
@@ -49,6 +74,7 @@ class StillRegions {
   void add_if_framed(size_t start, const Passes& is_unchanging, std::vector<uint8_t>* visited);
   [[nodiscard]] StillMaskPtr make_mask() const;
 
+  StillRegionsOptions options_;
   StillMaskPtr mask_;
   std::vector<uint8_t> marks_;   ///< cells of the mask in which corners stand still
   std::vector<uint8_t> border_;  ///< cells of the mask that are of the border, and what they look like

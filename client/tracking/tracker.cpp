@@ -26,9 +26,12 @@
 namespace cairn {
 namespace {
 
-// Correlation of the tiny images of two frames, the motion between them undone: below, they show different
-// things, most likely; strangers are above now and then, and cost two frames more.
-constexpr float kSameView = 0.5F;
+RecoveryOptions recovery_options(const TrackerOptions& options) {
+  RecoveryOptions recovery = options.recovery;
+  recovery.seed = options.seed;
+  recovery.least_quality = options.lost_quality;
+  return recovery;
+}
 
 }  // namespace
 
@@ -36,12 +39,18 @@ struct Tracker::State {
   State(const CameraPtr& camera_in, const TrackerOptions& options_in)
       : camera(camera_in),
         options(options_in),
-        recovery(camera_in, {options_in.lost_after_bad_frames, options_in.seed, options_in.lost_quality}),
-        trails(camera_in, options_in),
+        recovery(camera_in, recovery_options(options_in)),
+        trails(camera_in, options_in.seed, options_in.trails),
         finder(camera_in, options_in),
-        flow(camera_in, options_in.seed),
-        provisional(camera_in),
-        keyframes(options_in) {}
+        flow(camera_in, options_in.seed, options_in.flow),
+        provisional(camera_in, options_in.provisional, options_in.judgement),
+        reckoning(&provisional, options_in.reckoning, options_in.judgement),
+        keyframes(options_in.keyframes),
+        local(options_in.local),
+        model(options_in.motion),
+        gyro(options_in.gyro),
+        still(options_in.still),
+        exposure(options_in.exposure) {}
 
   CameraPtr camera;
   TrackerOptions options;
@@ -50,7 +59,7 @@ struct Tracker::State {
   PoseFinder finder;
   FlowPrior flow;
   ProvisionalPoints provisional;
-  DeadReckoning reckoning{&provisional};
+  DeadReckoning reckoning;
   int in_sight = 0;  ///< points of the map that the frame should show, from where it is expected
   KeyframePolicy keyframes;
   LocalMap local;
@@ -110,7 +119,8 @@ struct Tracker::State {
   [[nodiscard]] SearchEffort effort_of(PoseStart::Reach reach) const;
   /// Since the frame before, by the small images, or by the gyro where these have nothing in common.
   [[nodiscard]] SE3 turned() const {
-    return gyro.turn() && is_cut ? *gyro.turn() : correct_step(SE3(), seen, *camera, mean_depth);
+    return gyro.turn() && is_cut ? *gyro.turn()
+                                 : correct_step(SE3(), seen, *camera, mean_depth, options.step_correction);
   }
 
   void track(Timestamp time);
@@ -142,7 +152,7 @@ void Tracker::State::begin_frame(const GrayImagePtr& image, Timestamp time, Stag
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
   likeness = has_previous ? tiny_correlation(previous().tiny, now().tiny, seen) : -1;
-  is_cut = has_previous && !(likeness >= kSameView);
+  is_cut = has_previous && !(likeness >= options.same_view);
   // What two images without anything in common are aligned by is no motion.
   if (has_previous)
     exposure.next_frame(is_cut ? TinyMotion{} : seen, seconds_between(time, frame_time), &now());
@@ -197,7 +207,8 @@ void Tracker::State::enter_map(const MapSnapshotPtr& snapshot, Timestamp time) {
 /// The map of our own seed: where the camera is, the trails tell.
 void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   const SeedAnswer seed = *trails.awaited();
-  const auto pose = pose_from_trails(*camera, *snapshot, seed, trails.live(), options.seed);
+  const auto pose =
+      pose_from_trails(*camera, *snapshot, seed, trails.live(), options.seed, options.trail_pose);
   enter_map(snapshot, time);
   if (const KeyframePose* second = map->find(seed.second_keyframe)) {
     const SE3 camera_from_map = pose.value_or(second->camera_from_map);
@@ -291,7 +302,8 @@ SearchEffort Tracker::State::expected_effort() const {
 /// From where the velocity and the small image expect the camera; where it is not found, twice as far about
 /// where the small image alone does; then turned as the gyro says, and moved where that leaves it to be.
 Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
-  const SE3 by_images = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
+  const SE3 by_images =
+      correct_step(model.predicted_step(time), seen, *camera, mean_depth, options.step_correction);
   const SE3 by_gyro = gyro.turn() ? model.predicted_step(time, *gyro.turn()) : by_images;
   const SE3 expected = (is_cut ? by_gyro : by_images) * model.last();
   Attempt found = attempt(expected, expected_effort());
@@ -393,8 +405,8 @@ bool Tracker::State::hold(Timestamp time) {
 /// Smeared by a quick turn, or blank, the frame shows nothing that could be followed; how far it turned, the
 /// gyro says, or else the small images.
 bool Tracker::State::hold_blindly() {
-  const bool is_carried =
-      in_sight < options.scarce_points && gyro.carries(options.coarse_radius / camera->focal_length());
+  const bool is_carried = in_sight < options.keyframes.scarce_points &&
+                          gyro.carries(options.finder.coarse_radius / camera->focal_length());
   const SE3 expected = (is_carried ? *gyro.turn() : turned()) * model.last();
   if (is_carried) {
     reckoning.follow_turn(now(), expected, gyro.blind_sigma(), mean_depth, *map);

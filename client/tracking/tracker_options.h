@@ -3,29 +3,55 @@
 
 #include <cstdint>
 
+#include "client/relocalization/recovery.h"
+#include "client/tracking/dead_reckoning.h"
+#include "client/tracking/evidence.h"
+#include "client/tracking/exposure.h"
+#include "client/tracking/flow_prior.h"
+#include "client/tracking/gyro_prior.h"
+#include "client/tracking/keyframe_policy.h"
+#include "client/tracking/local_map.h"
+#include "client/tracking/motion.h"
+#include "client/tracking/pose_finder.h"
+#include "client/tracking/pose_judgement.h"
+#include "client/tracking/provisional_points.h"
+#include "client/tracking/still_regions.h"
+#include "client/tracking/trail_pose.h"
+#include "client/tracking/trails.h"
+#include "common/base/option_list.h"
+
 namespace cairn {
 
+/// Of a tracker, those of its parts included.
 struct TrackerOptions {
-  int max_points = 1100;  ///< patches searched per frame; PTAM r114 has 1000, of which sim-desk shows 490
-  int coarse_points = 60;
-  float coarse_radius = 30;  ///< [px of level 0]
-  float fine_radius = 10;    ///< [px of level 0] without a coarse stage before
-  float fine_radius_after_coarse = 5;
-  float good_quality = 0.3F;   ///< share found of those in sight; below, a frame is poor
-  float lost_quality = 0.13F;  ///< of points on the top two levels; below: a bad frame
-  int lost_after_bad_frames = 3;
-  int frames_between_keyframes = 20;
-  double keyframe_distance =
-      0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  float running_out = 0.9F;    ///< of the points found at best since the last keyframe: below, one is needed
-                               ///< soon if the frame shows what the map does not know
-  float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
-  int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
-  double need_distance = 0.1;  ///< of keyframe_distance, which is enough then
-  int trail_count = 1000;      ///< trails begun in the first frame
   bool make_maps = true;       ///< seeds are proposed while there is no map
   bool make_keyframes = true;  ///< keyframes are proposed
-  uint64_t seed = 1;
+  uint64_t seed = 1;           ///< of all random choices
+  float good_quality = 0.3F;   ///< share found of those in sight; below, a frame is poor (PTAM r114)
+  float lost_quality = 0.13F;  ///< of points on the top two levels; below: a bad frame (PTAM r114)
+  /// Correlation of the tiny images of two frames, the motion between them undone: below, they show different
+  /// things, most likely; strangers are above now and then, and cost two frames more.
+  float same_view = 0.5F;
+
+  PoseFinderOptions finder;
+  EvidenceOptions evidence;
+  MotionOptions motion;
+  GyroPriorOptions gyro;
+  StepCorrectionOptions step_correction;
+  FlowPriorOptions flow;
+  ExposureOptions exposure;
+  KeyframePolicyOptions keyframes;
+  TrailOptions trails;
+  TrailPoseOptions trail_pose;
+  PoseJudgementOptions judgement;
+  ProvisionalPointsOptions provisional;
+  DeadReckoningOptions reckoning;
+  LocalMapOptions local;
+  StillRegionsOptions still;
+  RecoveryOptions recovery;  ///< its seed and least quality are those above
 };
+
+/// All of them that are no choice of a run, whose are make_maps, make_keyframes and seed.
+[[nodiscard]] OptionList list_options(TrackerOptions* options);
 
 }  // namespace cairn

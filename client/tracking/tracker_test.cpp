@@ -335,7 +335,7 @@ GrayImagePtr blurred(const GrayImage& image) {
 TEST_F(OnMap, APoorPoseFarFromThePredictedOneIsNotBelieved) {
   constexpr int kSharp = 80;  // [px] on the left
   TrackerOptions few = options();
-  few.max_points = 200;
+  few.finder.max_points = 200;
   for (const double leap : {0.0, 0.1}) {
     Tracker follower(camera, few);
     follower.relocalization_answered(PoseHypothesis{map->map, map->epoch, KeyframeId{1}, SE3()});

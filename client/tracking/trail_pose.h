@@ -11,11 +11,15 @@
 
 namespace cairn {
 
+struct TrailPoseOptions {
+  int fewest = 20;  ///< trails that became points, and of these that agree
+};
+
 /// The pose of the present frame in the map that was made from trails, by where these are now; nothing when
 /// too few are left or they do not agree.
 [[nodiscard]] std::optional<SE3> pose_from_trails(const Camera& camera, const MapSnapshot& map,
                                                   const SeedAnswer& seed,
                                                   std::span<const TrailFollower::Live> trails,
-                                                  uint64_t random_seed);
+                                                  uint64_t random_seed, const TrailPoseOptions& options = {});
 
 }  // namespace cairn

@@ -7,34 +7,18 @@
 #include <limits>
 #include <span>
 
-#include "client/tracking/patch_flow.h"
 #include "common/base/median.h"
 #include "common/image/fit_warp.h"
 
 namespace cairn {
 namespace {
 
-constexpr size_t kFewestTrails = 60;  // fewer are not worth following
-constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left covers too little of the view
-constexpr float kFewestMovement =
-    0.006F;                             // of the image width: median movement before the first two-view test
-constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
-constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions, at first
-constexpr size_t kMostWay = 64;
-constexpr float kMatchSigma = 0.7F;      // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;       // [px] what matching with the first patch may correct
-constexpr size_t kMostRemembered = 300;  // trails looked for in views on the way
-constexpr size_t kMostJudged = 200;      // of those found in all of them,
-constexpr size_t kFewestJudged = 40;     // as of the matches of a pair (TwoViewOptions)
-constexpr double kMaxDepthSigma = 0.05;  // of the depths in the median: known to a twentieth
-constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
-
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
 /// image.
-std::vector<Candidate> spread(std::vector<Candidate> candidates, const GrayView& image, size_t count) {
-  constexpr int kCell = 32;  // [px]
-  const int columns = (image.width + kCell - 1) / kCell;
-  const int rows = (image.height + kCell - 1) / kCell;
+std::vector<Candidate> spread(std::vector<Candidate> candidates, const GrayView& image, int cell,
+                              size_t count) {
+  const int columns = (image.width + cell - 1) / cell;
+  const int rows = (image.height + cell - 1) / cell;
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
   std::vector<int> taken(static_cast<size_t>(columns * rows), 0);
@@ -42,7 +26,7 @@ std::vector<Candidate> spread(std::vector<Candidate> candidates, const GrayView&
   order.reserve(candidates.size());
   for (size_t i = 0; i < candidates.size(); ++i) {
     const Corner& c = candidates[i].corner;
-    order.emplace_back(taken[static_cast<size_t>(c.y / kCell * columns + c.x / kCell)]++, i);
+    order.emplace_back(taken[static_cast<size_t>(c.y / cell * columns + c.x / cell)]++, i);
   }
   std::stable_sort(order.begin(), order.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -72,8 +56,8 @@ Eigen::Vector2f as_vector(const Corner& c) {
 
 }  // namespace
 
-TrailFollower::TrailFollower(CameraPtr camera, const TrackerOptions& options)
-    : camera_(std::move(camera)), options_(options) {}
+TrailFollower::TrailFollower(CameraPtr camera, uint64_t seed, const TrailOptions& options)
+    : camera_(std::move(camera)), seed_(seed), options_(options) {}
 
 void TrailFollower::restart() {
   trails_.clear();
@@ -85,7 +69,7 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   trails_.clear();
   matched_.clear();
   way_.clear();
-  way_step_ = kWayStep;
+  way_step_ = options_.way_step;
   first_image_ = image;
   first_time_ = time;
   movement_ = 0;
@@ -94,14 +78,12 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   // An image poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
   // best.
   auto candidates = find_candidates(level0, now.corners(0));
-  if (candidates.size() < static_cast<size_t>(options_.trail_count) / 2) {
-    constexpr int kLowBarrier = 6;
-    constexpr float kLowShiTomasi = 20.0F;
-    candidates =
-        find_candidates(level0, now.corners(0), kLowBarrier, kSourcePatchSize / 2 + 1, kLowShiTomasi);
+  if (candidates.size() < static_cast<size_t>(options_.count) / 2) {
+    candidates = find_candidates(level0, now.corners(0), options_.low_barrier, kSourcePatchSize / 2 + 1,
+                                 options_.low_texture);
   }
   for (const Candidate& c :
-       spread(std::move(candidates), level0, static_cast<size_t>(options_.trail_count))) {
+       spread(std::move(candidates), level0, options_.cell, static_cast<size_t>(options_.count))) {
     FollowedTrail trail;
     trail.id = TrailId{next_id_++};
     trail.first = trail.now = as_vector(c.corner);
@@ -121,20 +103,21 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
                            const FrameImages& previous, const TinyMotion& motion) {
   if (trails_.empty()) {
     begin(image, time, now);
-    note_ = trails_.size() < kFewestTrails ? "too few corners in view to start a map"
-                                           : "move the camera sideways";
+    note_ = trails_.size() < options_.fewest ? "too few corners in view to start a map"
+                                             : "move the camera sideways";
     return;
   }
   matched_.clear();
   std::erase_if(trails_, [&](FollowedTrail& trail) {
-    const auto there = follow_patch(previous, now, trail.now, moved_by(motion, trail.now, *image));
+    const auto there =
+        follow_patch(previous, now, trail.now, moved_by(motion, trail.now, *image), options_.patches);
     if (there) trail.now = *there;
     return !there;
   });
   movement_ = median_movement();
   remember_way(now);
-  const auto fewest =
-      std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
+  const auto fewest = std::max<size_t>(
+      options_.fewest, static_cast<size_t>(options_.fewest_share * static_cast<float>(begun_with_)));
   if (trails_.size() < fewest && !undecided_) {
     begin(image, time, now);
     note_ = "trails were lost; began again: move the camera sideways, slowly";
@@ -158,14 +141,15 @@ Warp TrailFollower::warp_from_first() const {
 
 /// In a sharp image it is found at level 0, in one that is noisy or blurred perhaps at level 1 only.
 std::optional<Eigen::Vector2f> TrailFollower::match_first_patch(const FollowedTrail& trail, int level,
-                                                                const Warp& warp, const FrameImages& now) {
-  constexpr int kRefinements = 10;
+                                                                const Warp& warp,
+                                                                const FrameImages& now) const {
   const FollowedTrail::FirstPatch& first = trail.first_patch[static_cast<size_t>(level)];
   PatchTemplate patch;
   if (!first.is_whole || !make_template(first.pixels, warp, 0, &patch)) return std::nullopt;
   const Eigen::Vector2f aside = warp * first.aside;
   const Eigen::Vector2f at(to_level(trail.now.x(), level), to_level(trail.now.y(), level));
-  const auto refined = refine_patch(patch, now.pyramid.level(level), at + aside, kRefinements, kMostDrift);
+  const auto refined = refine_patch(patch, now.pyramid.level(level), at + aside, options_.match_iterations,
+                                    options_.most_drift);
   if (!refined) return std::nullopt;
   const Eigen::Vector2f found = *refined - aside;
   return Eigen::Vector2f(from_level(found.x(), level), from_level(found.y(), level));
@@ -188,14 +172,14 @@ std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImag
 /// Keeps positions about every pixel of movement at first, ever fewer of a long way.
 void TrailFollower::remember_way(const FrameImages& now) {
   if (movement_ < (way_.empty() ? 0.0F : way_.back()) + way_step_) return;
-  if (way_.size() == kMostWay) {
+  if (way_.size() == options_.most_way) {
     way_step_ *= 2;
     thin_out(&way_);
     for (FollowedTrail& t : trails_) thin_out(&t.path);
   }
   way_.push_back(movement_);
   // Trails stay in the order in which they were chosen, all over the image: the first ones will do.
-  const auto found = match_with_first(now, kMostRemembered);
+  const auto found = match_with_first(now, options_.most_remembered);
   for (size_t i = 0; i < trails_.size(); ++i)
     trails_[i].path.push_back(i < found.size() ? found[i] : kNowhere);
 }
@@ -218,7 +202,7 @@ MultiView TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last)
                                            [&](size_t view) { return trails_[i].path[view].allFinite(); });
     if (everywhere) judged.push_back(i);
   }
-  const size_t count = std::min(judged.size(), kMostJudged);
+  const size_t count = std::min<size_t>(judged.size(), options_.most_judged);
   MultiView views;
   for (const size_t view : on_the_way) views.further.push_back({way_[view] / movement_, {}});
   views.further.emplace_back();
@@ -241,7 +225,7 @@ tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoView
   };
   if (views.further.size() < 2)
     return refuse(TwoViewRefusal::kAmbiguous, "only two views so far: move the camera on");
-  if (views.first.size() < kFewestJudged)
+  if (views.first.size() < options_.fewest_judged)
     return refuse(TwoViewRefusal::kTooFewMatches, "too few trails are seen all the way: move more slowly");
   const MotionsAdjusted adjusted = adjust_motions(*camera_, views, motions.b_from_a);
   const AdjustedMotion* best = clear_best(adjusted);
@@ -253,7 +237,7 @@ tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoView
     return refuse(TwoViewRefusal::kAmbiguous,
                   "two motions explain the matches: move the camera on, in another direction");
   }
-  if (!(best->direction_sigma < kMaxDirectionSigma)) {
+  if (!(best->direction_sigma < options_.max_direction_sigma)) {
     return refuse(TwoViewRefusal::kNoParallax,
                   "the direction of the motion is not certain yet: move the camera on");
   }
@@ -263,26 +247,26 @@ tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoView
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
                                                                    const MultiView& views) const {
   TwoViewOptions options;
-  options.sigma = kMatchSigma;
-  options.seed = options_.seed;
+  options.sigma = options_.match_sigma;
+  options.seed = seed_;
   const auto motions = find_motions(*camera_, *camera_, matches, options);
   if (!motions) return tl::unexpected(motions.error());
   const auto motion = choose(*motions, views);
   if (!motion) return tl::unexpected(motion.error());
   // Of two views alone nothing says how well the depths are known; all of them together do.
-  if (motion->depth_sigma < kMaxDepthSigma) options.min_median_parallax = kLeastMapParallax;
+  if (motion->depth_sigma < options_.max_depth_sigma) options.min_median_parallax = kLeastMapParallax;
   return build_two_view(*camera_, *camera_, matches, motion->last_from_first, options);
 }
 
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
                                                    const FrameImages& now) {
-  if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
-  if (movement_ < kFewestMovement * static_cast<float>(image->width())) {
+  if (undecided_ || trails_.size() < options_.fewest) return std::nullopt;
+  if (movement_ < options_.fewest_movement * static_cast<float>(image->width())) {
     note_ =
         fmt::format("no parallax yet: the image has moved {:.0f} px; move the camera sideways", movement_);
     return std::nullopt;
   }
-  if (movement_ < kMoreMovement * tried_at_movement_) return std::nullopt;
+  if (movement_ < options_.more_movement * tried_at_movement_) return std::nullopt;
   tried_at_movement_ = movement_;
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}, now.still()};

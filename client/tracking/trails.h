@@ -2,13 +2,15 @@
 #pragma once
 
 #include <array>
+#include <cmath>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "client/tracking/frame_result.h"
-#include "client/tracking/tracker_options.h"
+#include "client/tracking/patch_flow.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/multi_view.h"
 #include "common/geometry/two_view.h"
@@ -17,12 +19,35 @@
 
 namespace cairn {
 
+struct TrailOptions {
+  int count = 1000;                ///< trails begun in the first frame (PTAM r114)
+  int cell = 32;                   ///< [px] of the grid over which they are spread
+  int low_barrier = 6;             ///< [grey levels] of corners in an image poor in texture, and
+  float low_texture = 20.0F;       ///< Shi-Tomasi's measure of these
+  uint64_t fewest = 60;            ///< trails; fewer are not worth following
+  float fewest_share = 0.2F;       ///< of those begun: below, what is left covers too little of the view
+  float fewest_movement = 0.006F;  ///< of the image width: median movement before the first two-view test
+  float more_movement = 1.15F;     ///< factor of movement between two-view tests
+  float way_step = 1.0F;           ///< [px] of median movement between remembered positions, at first
+  uint64_t most_way = 64;          ///< positions remembered
+  float match_sigma = 0.7F;        ///< [px] of a sub-pixel trail
+  float most_drift = 2.0F;         ///< [px] what matching with the first patch may correct
+  int match_iterations = 10;       ///< of that alignment
+  uint64_t most_remembered = 300;  ///< trails looked for in views on the way
+  uint64_t most_judged = 200;      ///< of those found in all of them
+  uint64_t fewest_judged = 40;     ///< as of the matches of a pair (TwoViewOptions)
+  double max_depth_sigma = 0.05;   ///< of the depths in the median, over themselves: known to a twentieth
+  double max_direction_sigma = 1.5 * M_PI / 180;  ///< [rad] of the baseline: more bends the map
+  PatchFlowOptions patches;
+};
+
 /// Follows corners of a first frame until two frames are far enough apart to make a map (PTAM 2007,
 /// section 6.1, without the key presses): frame to frame with a backward check, and the two-view tests of
 /// common/geometry when the image has moved enough. Pure; one thread.
 class TrailFollower {
  public:
-  TrailFollower(CameraPtr camera, const TrackerOptions& options);
+  /// `seed` of random choices.
+  TrailFollower(CameraPtr camera, uint64_t seed, const TrailOptions& options = {});
 
   /// Other values of the same camera, for the two-view tests from now on.
   void use_camera(CameraPtr camera) { camera_ = std::move(camera); }
@@ -79,9 +104,9 @@ class TrailFollower {
   /// The patches of the first `most` trails, as they were in the first frame, found again in this; NaN where
   /// they are not. Looked for once a frame.
   [[nodiscard]] std::span<const Eigen::Vector2f> match_with_first(const FrameImages& now, size_t most);
-  [[nodiscard]] static std::optional<Eigen::Vector2f> match_first_patch(const FollowedTrail& trail, int level,
-                                                                        const Warp& warp,
-                                                                        const FrameImages& now);
+  [[nodiscard]] std::optional<Eigen::Vector2f> match_first_patch(const FollowedTrail& trail, int level,
+                                                                 const Warp& warp,
+                                                                 const FrameImages& now) const;
   /// How the image around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
@@ -93,7 +118,8 @@ class TrailFollower {
                                                                     const MultiView& views) const;
 
   CameraPtr camera_;
-  TrackerOptions options_;
+  uint64_t seed_;
+  TrailOptions options_;
   std::vector<FollowedTrail> trails_;
   size_t begun_with_ = 0;
   uint64_t next_id_ = 1;

@@ -54,15 +54,15 @@ class Trails : public ::testing::Test {
     const TinyMotion seen = previous.tiny.empty() ? TinyMotion{} : align_tiny(previous.tiny, now.tiny);
     follower.follow(image, {}, now, previous, seen);
   }
-  static TrackerOptions options() {
-    TrackerOptions o;
-    o.trail_count = 400;
+  static TrailOptions options() {
+    TrailOptions o;
+    o.count = 400;
     return o;
   }
 
   CameraPtr camera = test_camera();
   test::PlaneScene scene{11, camera};
-  TrailFollower follower{camera, options()};
+  TrailFollower follower{camera, 1, options()};
   std::array<FrameImages, 2> images;
   size_t current = 0;
   GrayImagePtr image;
