@@ -14,17 +14,6 @@
 namespace cairn {
 namespace {
 
-/// A point this many times as deep as its neighbours is behind them. Of a plane turned by 50 degrees the far
-/// points of a neighbourhood go, too; the others speak for them.
-constexpr float kBehind = 1.15F;
-
-/// A cell of the image is inconsistent when the correlation there is below the limit even if it is so many
-/// standard errors higher than found: by the sightings, which are not all by themselves, since a point may
-/// have four. Both chosen together, on desks that look alike (tests/bench/HISTORY.md).
-constexpr double kInconsistent = 0.35;
-constexpr double kStandardErrors = 2.5;
-constexpr int kFewestPoints = 4;  ///< in a cell that is judged
-
 /// Pearson's, of pairs.
 class Correlation {
  public:
@@ -74,13 +63,13 @@ struct Pair {
 };
 
 std::vector<Pair> pair_up(const PlaceView& view, const Camera& camera, const DepthOrder& order,
-                          const ProjectedPoints& projected) {
+                          const ProjectedPoints& projected, float behind) {
   std::vector<Pair> pairs;
   pairs.reserve(projected.sightings.size());
   for (size_t i = 0; i < projected.points.size(); ++i) {
     const ProjectedPoint& p = projected.points[i];
     const Eigen::Vector2f pixel = p.pixel.cast<float>();
-    if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
+    if (order.is_hidden(pixel, static_cast<float>(p.depth), behind)) continue;
     const auto here = brightness_at(view.small, pixel);
     if (!here) continue;
     for (const KeyframeSighting& s : projected.sightings_of(p)) {
@@ -109,14 +98,15 @@ struct Cell {
 };
 
 /// Fisher's z: the correlation as much higher as chance may have left it too low.
-bool is_inconsistent(const Cell& cell) {
+bool is_inconsistent(const Cell& cell, const AppearanceOptions& options) {
   constexpr double kMost = 0.999;
-  if (cell.points < kFewestPoints) return false;
+  if (cell.points < options.fewest_points) return false;
   const double z = std::atanh(std::clamp(cell.local.value(), -kMost, kMost));
-  return std::tanh(z + kStandardErrors / std::sqrt(std::max(1, cell.sightings - 3))) < kInconsistent;
+  return std::tanh(z + options.standard_errors / std::sqrt(std::max(1, cell.sightings - 3))) <
+         options.inconsistent;
 }
 
-int count_inconsistent_cells(std::span<const Pair> pairs) {
+int count_inconsistent_cells(std::span<const Pair> pairs, const AppearanceOptions& options) {
   PerCell<Cell> cells{};
   for (const Pair& p : pairs) {
     Cell& cell = cells[p.cell];
@@ -125,7 +115,8 @@ int count_inconsistent_cells(std::span<const Pair> pairs) {
     cell.latest_point = p.point;
     ++cell.sightings;
   }
-  return static_cast<int>(std::ranges::count_if(cells, is_inconsistent));
+  return static_cast<int>(
+      std::ranges::count_if(cells, [&](const Cell& cell) { return is_inconsistent(cell, options); }));
 }
 
 double correlate_order(std::span<const Pair> pairs) {
@@ -144,7 +135,8 @@ double correlate_order(std::span<const Pair> pairs) {
 
 }  // namespace
 
-Appearance compare_appearance(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
+Appearance compare_appearance(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected,
+                              const AppearanceOptions& options) {
   DepthOrder order(camera.width(), camera.height());
   for (const ProjectedPoint& p : projected.points) {
     for (const KeyframeSighting& s : projected.sightings_of(p)) {
@@ -152,8 +144,8 @@ Appearance compare_appearance(const PlaceView& view, const Camera& camera, const
         order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
     }
   }
-  const std::vector<Pair> pairs = pair_up(view, camera, order, projected);
-  return {correlate_local(pairs), correlate_order(pairs), count_inconsistent_cells(pairs)};
+  const std::vector<Pair> pairs = pair_up(view, camera, order, projected, options.behind);
+  return {correlate_local(pairs), correlate_order(pairs), count_inconsistent_cells(pairs, options)};
 }
 
 }  // namespace cairn

@@ -7,6 +7,18 @@
 
 namespace cairn {
 
+struct AppearanceOptions {
+  /// A point this many times as deep as its neighbours is behind them. Of a plane turned by 50 degrees the
+  /// far points of a neighbourhood go, too; the others speak for them.
+  float behind = 1.15F;
+  /// A cell of the image is inconsistent when the correlation there is below the limit even if it is so many
+  /// standard errors higher than found: by the sightings, which are not all by themselves, since a point may
+  /// have four. Both chosen together, on desks that look alike (tests/bench/HISTORY.md).
+  double inconsistent = 0.35;
+  double standard_errors = 2.5;
+  int fewest_points = 4;  ///< in a cell that is judged
+};
+
 /// How alike a query and keyframes look, -1..1 each; -1 without points.
 struct Appearance {
   /// Pearson's correlation of how much brighter each point is than what lies around it: that hears of what is
@@ -17,7 +29,7 @@ struct Appearance {
   double order = -1;
   /// Of kImageCells cells of the image, those in which `local` is low, more than chance explains: what is
   /// there is not what the keyframes show. A place like this one is like it in part: the same things stand
-  /// there, and others. Cells with fewer than four points say nothing.
+  /// there, and others. Cells with too few points say nothing.
   int inconsistent_cells = 0;
 };
 
@@ -26,6 +38,7 @@ struct Appearance {
 /// Points that others hide from the query are passed over: there the query shows something else, rightly. A
 /// sighting counts as often as it is described.
 [[nodiscard]] Appearance compare_appearance(const PlaceView& view, const Camera& camera,
-                                            const ProjectedPoints& projected);
+                                            const ProjectedPoints& projected,
+                                            const AppearanceOptions& options = {});
 
 }  // namespace cairn

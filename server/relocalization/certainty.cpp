@@ -18,26 +18,15 @@
 namespace cairn {
 namespace {
 
-/// Of the depth, or radians, that a start lies aside: twice what makes a pose wrong.
-constexpr double kAside = 0.06;
-constexpr int kMostMoves = 3;
-constexpr double kNearlyAsGood = 0.9;  ///< by the sample: it is rough
-constexpr size_t kMostRefined = 3;     ///< of the poses found from the starts, in a move
-constexpr size_t kSampled = 150;       ///< points by which the poses are compared before one is refined
-constexpr double kRadii[] = {6, 2.5};  ///< of the search from a start [px of the level]
-
-/// Poses that lie nearer to each other are one (separation()): a fifth of what makes a pose wrong.
-constexpr double kSame = 0.006;
-
 /// Tukey weights of all that a pose explains, summed.
 double support_of(const PoseEstimate& pose) {
   return std::accumulate(pose.weights.begin(), pose.weights.end(), 0.0);
 }
 
-std::vector<SE3> poses_aside(const SE3& camera_from_map, double depth) {
+std::vector<SE3> poses_aside(const SE3& camera_from_map, double depth, double by) {
   const Eigen::Vector3d pivot(0, 0, depth);
   std::vector<SE3> poses;
-  for (const double way : {kAside, -kAside}) {
+  for (const double way : {by, -by}) {
     for (const int axis : {0, 1}) {
       const Eigen::Quaterniond turn(Eigen::AngleAxisd(way, Eigen::Vector3d::Unit(axis)));
       poses.push_back(SE3(turn, pivot - turn * pivot) * camera_from_map);
@@ -51,22 +40,23 @@ std::vector<SE3> poses_aside(const SE3& camera_from_map, double depth) {
 /// each would cost.
 class Sample {
  public:
-  Sample(const PlaceView& view, const CornerGrid& grid, const Camera& camera, const ProjectedPoints& around)
-      : view_(view), grid_(grid), camera_(camera) {
+  Sample(const PlaceView& view, const CornerGrid& grid, const Camera& camera, const ProjectedPoints& around,
+         const SettleOptions& options, const MatchOptions& matching)
+      : view_(view), grid_(grid), camera_(camera), options_(options), matching_(matching) {
     seen_.sightings = around.sightings;
-    const size_t count = std::min(kSampled, around.points.size());
+    const size_t count = std::min<size_t>(options.sampled, around.points.size());
     for (size_t i = 0; i < count; ++i) sample_.push_back(around.points[i * around.points.size() / count]);
   }
 
   /// The pose that is found from there; nothing: the points found do not determine it.
   [[nodiscard]] std::optional<PoseEstimate> look_from(const SE3& start) {
     PoseEstimate pose = as_certain(start);
-    for (const double radius : kRadii) {
+    for (const double radius : options_.radii) {
       project(pose.camera_from_map);
       PoseOptions options;
       options.fixed_cutoff_after = 0;
       options.late_squared_cutoff = radius * radius;
-      const auto matches = match_near(view_, grid_, seen_, radius).matches;
+      const auto matches = match_near(view_, grid_, seen_, radius, matching_).matches;
       auto next = optimize_pose(camera_, pose.camera_from_map, to_observations(view_, matches), options);
       if (!next) return std::nullopt;
       pose = std::move(*next);
@@ -90,24 +80,28 @@ class Sample {
   const PlaceView& view_;
   const CornerGrid& grid_;
   const Camera& camera_;
+  const SettleOptions& options_;
+  const MatchOptions& matching_;
   std::vector<ProjectedPoint> sample_;
   ProjectedPoints seen_;  ///< of the sample, by the pose that is looked from
 };
 
 /// Poses found from aside which explain nearly as much of the sample as the pose does, the best first.
-std::vector<PoseEstimate> find_others(Sample sample, const SE3& camera_from_map, double depth) {
+std::vector<PoseEstimate> find_others(Sample sample, const SE3& camera_from_map, double depth,
+                                      const SettleOptions& options) {
   const auto own = sample.look_from(camera_from_map);
   if (!own) return {};
   std::vector<PoseEstimate> found;
-  for (const SE3& aside : poses_aside(camera_from_map, depth)) {
+  for (const SE3& aside : poses_aside(camera_from_map, depth, options.aside)) {
     auto other = sample.look_from(aside);
-    if (other && support_of(*other) >= kNearlyAsGood * support_of(*own)) found.push_back(std::move(*other));
+    if (other && support_of(*other) >= options.nearly_as_good * support_of(*own))
+      found.push_back(std::move(*other));
   }
   std::ranges::stable_sort(found, std::greater(), support_of);
   std::vector<PoseEstimate> distinct;
   for (PoseEstimate& pose : found) {
     const auto is_same = [&](const SE3& other) {
-      return separation(pose.camera_from_map, other, depth) < kSame;
+      return separation(pose.camera_from_map, other, depth) < options.same;
     };
     if (is_same(own->camera_from_map) ||
         std::ranges::any_of(distinct, is_same, &PoseEstimate::camera_from_map))
@@ -144,14 +138,16 @@ double position_sigma(const PlaceView& view, const Camera& camera, const Refined
 }
 
 Refined settle(const PlaceView& view, const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
-               size_t keyframe, Refined refined, double depth) {
-  for (int move = 0; move < kMostMoves; ++move) {
+               size_t keyframe, Refined refined, double depth, const SettleOptions& options,
+               const RefineOptions& refining, const MatchOptions& matching) {
+  for (int move = 0; move < options.most_moves; ++move) {
     std::optional<Refined> better;
     double most = support_of(refined.pose);
-    const auto found =
-        find_others(Sample(view, grid, camera, refined.points), refined.pose.camera_from_map, depth);
-    for (size_t i = 0; i < std::min(kMostRefined, found.size()); ++i) {
-      auto other = refine(view, grid, camera, map, keyframe, as_certain(found[i].camera_from_map));
+    const auto found = find_others(Sample(view, grid, camera, refined.points, options, matching),
+                                   refined.pose.camera_from_map, depth, options);
+    for (size_t i = 0; i < std::min<size_t>(options.most_refined, found.size()); ++i) {
+      auto other =
+          refine(view, grid, camera, map, keyframe, as_certain(found[i].camera_from_map), refining, matching);
       if (!other || support_of(other->pose) <= most) continue;
       most = support_of(other->pose);
       better = std::move(*other);

@@ -1,10 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "server/relocalization/refine.h"
 
 /// Whether a pose is the best there is around it, and how far it may be off.
 namespace cairn {
+
+struct SettleOptions {
+  double aside = 0.06;          ///< [depth, or rad] that a start lies aside: twice what makes a pose wrong
+  int most_moves = 3;           ///< to a better pose
+  double nearly_as_good = 0.9;  ///< of the support, by the sample: it is rough
+  uint64_t most_refined = 3;    ///< of the poses found from the starts, in a move
+  uint64_t sampled = 150;       ///< points by which the poses are compared before one is refined
+  std::array<double, 2> radii = {6, 2.5};  ///< [px of the level] of the search from a start
+  /// [depth, or rad] Poses that lie nearer to each other are one (separation()): a fifth of what makes a pose
+  /// wrong.
+  double same = 0.006;
+};
 
 /// Standard deviation of the camera's position along the direction in which it is known least [map unit];
 /// infinite where nothing determines it. What lies in one cell of the image shares its errors: it is one
@@ -18,7 +33,9 @@ namespace cairn {
 /// is held on it: turned about what is seen, nearer and farther. `depth` [map unit] of what is seen;
 /// `keyframe`: index into those of the map. Deterministic.
 [[nodiscard]] Refined settle(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                             const IndexedMap& map, size_t keyframe, Refined refined, double depth);
+                             const IndexedMap& map, size_t keyframe, Refined refined, double depth,
+                             const SettleOptions& options = {}, const RefineOptions& refining = {},
+                             const MatchOptions& matching = {});
 
 /// A pose of which nothing is in doubt as yet.
 [[nodiscard]] PoseEstimate as_certain(const SE3& camera_from_map);

@@ -6,19 +6,11 @@
 #include <cmath>
 #include <utility>
 
-#include "server/relocalization/appearance.h"
-#include "server/relocalization/certainty.h"
 #include "server/relocalization/gravity.h"
 #include "server/relocalization/image_cells.h"
-#include "server/relocalization/refine.h"
 
 namespace cairn {
 namespace {
-
-constexpr int kAgreeingInCell = 2;        ///< one may agree by chance
-constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
-/// Of a keyframe's points, every third tells whether a pose is worth refining.
-constexpr size_t kRoughStep = 3;
 
 /// Corners of the matches that agree with the pose, ascending.
 std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span<const double> weights) {
@@ -118,7 +110,7 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
                                std::span<const PlaceMatch> matches, std::span<const PlaceMatch> supported,
                                const ConfirmOptions& options) {
   PoseRansacOptions ransac;
-  ransac.threshold = kRansacThreshold;
+  ransac.threshold = options.ransac_threshold;
   ransac.iterations = options.ransac_iterations;
   ransac.min_inliers = 0;
   ransac.seed = options.seed;
@@ -126,7 +118,7 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
   if (!pose) return pose;
   PoseOptions all;
   all.fixed_cutoff_after = 0;
-  all.late_squared_cutoff = kRansacThreshold * kRansacThreshold;
+  all.late_squared_cutoff = options.ransac_threshold * options.ransac_threshold;
   return optimize_pose(camera, pose->camera_from_map, to_observations(view, matches), all);
 }
 
@@ -146,8 +138,8 @@ Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedM
   if (result->agreeing_cells >= options.by_extent.agreeing_cells) return {};
   ProjectedPoints points;
   project_points(camera, *result->camera_from_map, map, std::span(&keyframe, 1), white_share(view.small),
-                 &points, kRoughStep);
-  const Appearance rough = compare_appearance(view, camera, points);
+                 &points, options.rough_step);
+  const Appearance rough = compare_appearance(view, camera, points, options.appearance);
   result->similarity = rough.local;
   result->order = rough.order;
   if (evidence(*result) >= options.least_evidence && rough.local >= options.least_similarity) return {};
@@ -166,14 +158,15 @@ double median_depth(const ProjectedPoints& points) {
 }
 
 /// What is seen by the refined pose.
-void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined, Confirmation* result) {
+void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined,
+                  const AppearanceOptions& options, Confirmation* result) {
   result->camera_from_map = refined.pose.camera_from_map;
   result->inliers = refined.pose.inliers;
   result->expected = static_cast<int>(refined.points.points.size());
   result->met = static_cast<int>(refined.guided.met);
   result->found = corners_found(refined.guided.matches, refined.pose.weights);
   result->occupied_cells = count_cells(view, result->found, camera, 1);
-  const Appearance appearance = compare_appearance(view, camera, refined.points);
+  const Appearance appearance = compare_appearance(view, camera, refined.points, options);
   result->similarity = appearance.local;
   result->order = appearance.order;
   result->inconsistent_cells = appearance.inconsistent_cells;
@@ -199,8 +192,8 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     result.reason = fmt::format("none of {} corners alike lies as it does there", result.matches);
     return result;
   }
-  const auto matches = match_closer(view, cells, map, keyframe, prefilter);
-  const auto supported = keep_supported(view, matches);
+  const auto matches = match_closer(view, cells, map, keyframe, prefilter, options.match);
+  const auto supported = keep_supported(view, matches, options.match);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
   for (const PlaceMatch& m : supported) result.explained.push_back(explain(view, camera, m));
@@ -225,12 +218,12 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   }
   result.camera_from_map = pose->camera_from_map;
   const std::vector<size_t> agree = corners_found(matches, pose->weights);
-  result.agreeing_cells = count_cells(view, agree, camera, kAgreeingInCell);
+  result.agreeing_cells = count_cells(view, agree, camera, options.agreeing_in_cell);
   const auto refined = check_roughly(view, camera, map, keyframe, options, &result).and_then([&] {
-    return refine(view, grid, camera, map, keyframe, *pose);
+    return refine(view, grid, camera, map, keyframe, *pose, options.refine, options.match);
   });
   if (refined) {
-    take_refined(view, camera, *refined, &result);
+    take_refined(view, camera, *refined, options.appearance, &result);
     result.found_otherwise = count_found_otherwise(supported, agree, result.found);
     judge(view, map, options, &result);
   } else {
@@ -245,15 +238,17 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
 void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                      const IndexedMap& map, size_t keyframe, const ConfirmOptions& options,
                      Confirmation* said) {
-  auto refined = refine(view, grid, camera, map, keyframe, as_certain(*said->camera_from_map));
+  auto refined = refine(view, grid, camera, map, keyframe, as_certain(*said->camera_from_map), options.refine,
+                        options.match);
   said->confirmed = false;
   if (!refined) {
     said->reason = refined.error().message;
     return;
   }
   const double depth = median_depth(refined->points);
-  const Refined settled = settle(view, grid, camera, map, keyframe, std::move(*refined), depth);
-  take_refined(view, camera, settled, said);
+  const Refined settled = settle(view, grid, camera, map, keyframe, std::move(*refined), depth,
+                                 options.settle, options.refine, options.match);
+  take_refined(view, camera, settled, options.appearance, said);
   judge(view, map, options, said);
   const double sigma = position_sigma(view, camera, settled) / depth;
   if (!said->confirmed || sigma <= options.most_sigma) return;

@@ -7,13 +7,23 @@
 
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "server/relocalization/appearance.h"
+#include "server/relocalization/certainty.h"
 #include "server/relocalization/image_cells.h"
 #include "server/relocalization/match.h"
+#include "server/relocalization/refine.h"
 
 namespace cairn {
 
 struct ConfirmOptions {
-  int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
+  MatchOptions match;
+  AppearanceOptions appearance;
+  RefineOptions refine;
+  SettleOptions settle;
+  int agreeing_in_cell = 2;       ///< corners in a cell that counts as agreeing: one may agree by chance
+  double ransac_threshold = 2.5;  ///< [px of the corner's level]
+  uint64_t rough_step = 3;  ///< of a keyframe's points, one of so many tells whether a pose is worth refining
+  int min_supported = 6;    ///< matches that moved as their neighbours did, without which no pose is tried
   int ransac_iterations = 150;
   int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
   int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone

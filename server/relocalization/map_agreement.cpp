@@ -7,9 +7,6 @@
 namespace cairn {
 namespace {
 
-/// Views that are nearer to each other say little of the scale: distance of the centres, in mean depths.
-constexpr double kLeastBase = 0.1;
-
 Eigen::Quaterniond other_from_one(const SharedView& view) {
   return view.camera_from_other.rotation().conjugate() * view.camera_from_one.rotation();
 }
@@ -53,11 +50,11 @@ double error_of(const SharedView& view, const Similarity3& other_from_one) {
   return separation(other_from_one.transform_camera(view.camera_from_one), view.camera_from_other, depth);
 }
 
-bool do_lie_apart(const SharedView& a, const SharedView& b) {
+bool do_lie_apart(const SharedView& a, const SharedView& b, double least_base) {
   const double in_one = (a.camera_from_one.center() - b.camera_from_one.center()).norm();
   const double in_other = (a.camera_from_other.center() - b.camera_from_other.center()).norm();
-  return in_one >= kLeastBase * std::min(a.depth_in_one, b.depth_in_one) &&
-         in_other >= kLeastBase * std::min(a.depth_in_other, b.depth_in_other);
+  return in_one >= least_base * std::min(a.depth_in_one, b.depth_in_one) &&
+         in_other >= least_base * std::min(a.depth_in_other, b.depth_in_other);
 }
 
 struct Vote {
@@ -65,11 +62,11 @@ struct Vote {
   double error = 0;  ///< summed over these
 };
 
-Vote count(std::span<const SharedView> views, const Similarity3& other_from_one) {
+Vote count(std::span<const SharedView> views, const Similarity3& other_from_one, double same_pose) {
   Vote vote;
   for (size_t i = 0; i < views.size(); ++i) {
     const double error = error_of(views[i], other_from_one);
-    if (!(error <= kSamePose)) continue;
+    if (!(error <= same_pose)) continue;
     vote.agreeing.push_back(i);
     vote.error += error;
   }
@@ -89,14 +86,15 @@ double separation(const SE3& a, const SE3& b, double depth) {
          a.rotation().angularDistance(b.rotation());
 }
 
-std::optional<MapAgreement> find_agreement(std::span<const SharedView> views) {
+std::optional<MapAgreement> find_agreement(std::span<const SharedView> views,
+                                           const MapAgreementOptions& options) {
   Vote best;
   for (size_t i = 0; i < views.size(); ++i) {
     for (size_t j = i + 1; j < views.size(); ++j) {
-      if (!do_lie_apart(views[i], views[j])) continue;
+      if (!do_lie_apart(views[i], views[j], options.least_base)) continue;
       const auto hypothesis = fit(std::array{&views[i], &views[j]});
       if (!hypothesis) continue;
-      Vote vote = count(views, *hypothesis);
+      Vote vote = count(views, *hypothesis, options.same_pose);
       const bool holds_both =
           std::ranges::binary_search(vote.agreeing, i) && std::ranges::binary_search(vote.agreeing, j);
       if (holds_both && is_better(vote, best)) best = std::move(vote);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -11,6 +12,31 @@
 /// Whether images that are known in two maps say the same of how these lie to each other. Maps have each a
 /// frame and a unit of length of their own, so that is a similarity. Pure.
 namespace cairn {
+
+/// Poses of one image in one map that are farther apart [separation()] contradict each other; the same pose
+/// from two keyframes is off by a third of that, which leaves room for what two maps of a place differ in and
+/// for the scale of a short base. An angle alone counts as much [rad].
+constexpr double kSamePose = 0.15;
+
+struct MapAgreementOptions {
+  double same_pose = kSamePose;  ///< [mean depths plus rad] that views of one similarity may be off
+  /// [mean depths] between the centres of two views; views that are nearer to each other say little of the
+  /// scale.
+  double least_base = 0.1;
+};
+
+/// Of maps that show the same place (overlap_detector).
+struct OverlapOptions {
+  uint64_t most_maps = 4;  ///< of a place, that an image is looked for in
+  uint64_t most_shown =
+      32;  ///< keyframes of a pair of maps, the newest: how they lie to each other is known from a few
+  /// [mean depths plus rad] A keyframe that stands no farther from one of another map (separation()) should
+  /// be known there.
+  double next_to = 0.3;
+  uint64_t least_keyframes =
+      3;  ///< that agree on one similarity: the neighbours of a look-alike show the same
+  MapAgreementOptions agreement;
+};
 
 /// An image and where it was taken, in the frames of two maps.
 struct SharedView {
@@ -27,12 +53,8 @@ struct MapAgreement {
 
 /// The similarity with which most views agree; nothing: no two of them do. O(n^3); of equals that with the
 /// least error.
-[[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views);
-
-/// Poses of one image in one map that are farther apart contradict each other; the same pose from two
-/// keyframes is off by a third of that, which leaves room for what two maps of a place differ in and for the
-/// scale of a short base. An angle alone counts as much [rad].
-constexpr double kSamePose = 0.15;
+[[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views,
+                                                         const MapAgreementOptions& options = {});
 
 /// How far apart two cameras in one frame are: distance in mean depths, plus angle in radians.
 [[nodiscard]] double separation(const SE3& a, const SE3& b, double depth);

@@ -12,30 +12,16 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxDistance = 70;  ///< of 256, of a match without a pose to guide it
-constexpr float kRatio = 0.85F;   ///< of the distance of the best rival (Lowe, IJCV 2004)
-static_assert(kRatio > 0 && kRatio <= 1, "as find_nearest_few() needs it");
-constexpr float kSamePlace =
-    6;  ///< [px of level 0 times 2^level] nearer is no rival: the same corner, other level
-constexpr int kMaxGuidedDistance = 60;
-constexpr float kNeighbourhood = 80;    ///< [px] in the keyframe, within which matches are neighbours
-constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
-constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
-constexpr int kFewestSupporters = 2;
-
-/// The farthest rival that can still refuse a match.
-constexpr int kMaxRivalDistance = static_cast<int>(kMaxDistance / kRatio);
-
 struct Best {
   uint32_t index = 0;
-  int distance = kMaxRivalDistance + 1;
-  int rival = kMaxRivalDistance + 1;
+  int distance = 0;
+  int rival = 0;
 };
 
 /// Points of a keyframe in a corner's cells, over the scales up to an octave from its own, that may be the
 /// corner's or a rival. `near` is replaced.
 void find_near(const PlaceCorner& corner, const CellList& cells, const DescribedPoints& exposed,
-               std::vector<NearDescriptor>* near) {
+               const MatchOptions& options, std::vector<NearDescriptor>* near) {
   const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
   const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
   std::array<IndexRange, kProbedCells> within;
@@ -44,28 +30,29 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const Described
     return IndexRange{begin_of[from], begin_of[to + 1]};
   });
   near->clear();
-  find_nearest_few(corner.descriptor, exposed.descriptors, within, kMaxDistance, kRatio, near);
+  find_nearest_few(corner.descriptor, exposed.descriptors, within, options.max_distance, options.ratio, near);
 }
 
 /// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
 /// made of one corner at several scales look alike and are not rivals.
 std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe,
-                           std::span<const DescribedPoint> points) {
-  int least = kMaxDistance + 1;
+                           std::span<const DescribedPoint> points, const MatchOptions& options) {
+  int least = options.max_distance + 1;
   for (const NearDescriptor& n : near) least = std::min(least, n.distance);
-  if (least > kMaxDistance) return std::nullopt;
-  const int farthest = farthest_within_ratio(least, kRatio);
+  if (least > options.max_distance) return std::nullopt;
+  const int farthest = farthest_within_ratio(least, options.ratio);
   const auto is_rival = [&](uint32_t a, uint32_t b) {
     if (points[a].scale == points[b].scale) return true;
     const Sighting& p = keyframe.sightings[points[a].measured];
     const Sighting& q = keyframe.sightings[points[b].measured];
-    const float same_place = kSamePlace * static_cast<float>(1 << p.level);
+    const float same_place = options.same_place * static_cast<float>(1 << p.level);
     return (p.pixel - q.pixel).squaredNorm() > same_place * same_place;
   };
-  Best best;
+  const int too_far = options.max_rival_distance() + 1;
+  Best best{0, too_far, too_far};
   for (const NearDescriptor& n : near) {
     if (n.distance > farthest || n.distance >= best.rival) continue;
-    const bool rivals = best.distance <= kMaxRivalDistance && is_rival(n.index, best.index);
+    const bool rivals = best.distance < too_far && is_rival(n.index, best.index);
     if (n.distance < best.distance) {
       if (rivals) best.rival = best.distance;
       best.distance = n.distance;
@@ -103,7 +90,7 @@ void prefetch(std::span<const T> items) {
 /// And what is matched of every second corner, from `first` on; a point may be there twice.
 std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<const CellList> cells,
                                            const IndexedMap& map, size_t keyframe, size_t first,
-                                           std::vector<PlaceMatch> matches) {
+                                           std::vector<PlaceMatch> matches, const MatchOptions& options) {
   const IndexedKeyframe& indexed = *map.keyframes[keyframe];
   const DescribedPoints& exposed = indexed.exposed_as(white_share(view.small));
   prefetch<uint32_t>(exposed.begin_of);
@@ -112,9 +99,10 @@ std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<cons
   prefetch<Sighting>(indexed.sightings);
   std::vector<NearDescriptor> near;
   for (size_t i = first; i < view.corners.size(); i += 2) {
-    find_near(view.corners[i], cells[i], exposed, &near);
-    const auto best = choose(near, indexed, exposed.points);
-    if (!best || static_cast<float>(best->distance) > kRatio * static_cast<float>(best->rival)) continue;
+    find_near(view.corners[i], cells[i], exposed, options, &near);
+    const auto best = choose(near, indexed, exposed.points, options);
+    if (!best || static_cast<float>(best->distance) > options.ratio * static_cast<float>(best->rival))
+      continue;
     const uint32_t point = exposed.points[best->index].measured;
     const Eigen::Vector3f& position = map.positions[keyframe][point];
     if (!position.allFinite()) continue;
@@ -188,18 +176,20 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 }
 
 Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
-                        size_t keyframe) {
-  Prefilter prefilter{.matches = match_every_second(view, cells, map, keyframe, 0, {})};
+                        size_t keyframe, const MatchOptions& options) {
+  Prefilter prefilter{.matches = match_every_second(view, cells, map, keyframe, 0, {}, options)};
   std::vector<PlaceMatch> distinct = prefilter.matches;
   keep_one_to_one(&distinct);
   prefilter.distinct = distinct.size();
-  prefilter.supported = keep_supported(view, distinct).size();
+  prefilter.supported = keep_supported(view, distinct, options).size();
   return prefilter;
 }
 
 std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
-                                     const IndexedMap& map, size_t keyframe, const Prefilter& prefilter) {
-  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 1, prefilter.matches);
+                                     const IndexedMap& map, size_t keyframe, const Prefilter& prefilter,
+                                     const MatchOptions& options) {
+  std::vector<PlaceMatch> matches =
+      match_every_second(view, cells, map, keyframe, 1, prefilter.matches, options);
   keep_one_to_one(&matches);
   return matches;
 }
@@ -302,18 +292,18 @@ void project_points(const Camera& camera, const SE3& camera_from_map, const Inde
 }
 
 GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const ProjectedPoints& projected,
-                         double radius) {
+                         double radius, const MatchOptions& options) {
   Neighbourhood neighbourhood(grid, radius);
   std::vector<bool> met(view.corners.size());
   size_t points_met = 0;
   std::vector<PlaceMatch> of_corner(view.corners.size());
-  for (PlaceMatch& m : of_corner) m.distance = kMaxGuidedDistance + 1;
+  for (PlaceMatch& m : of_corner) m.distance = options.max_guided_distance + 1;
   for (const ProjectedPoint& p : projected.points) {
     neighbourhood.gather(projected, p);
     if (neighbourhood.corners().empty()) continue;
     ++points_met;
     for (const uint32_t position : neighbourhood.corners()) met[grid.entry(position).corner] = true;
-    PlaceMatch best{0, p.id, p.position, kMaxGuidedDistance + 1, Eigen::Vector2f::Zero()};
+    PlaceMatch best{0, p.id, p.position, options.max_guided_distance + 1, Eigen::Vector2f::Zero()};
     for (const KeyframeSighting& s : projected.sightings_of(p)) neighbourhood.compare(s, &best);
     // Of two points that want a corner the more alike has it, then the lower id, which came first.
     if (best.distance < of_corner[best.corner].distance) of_corner[best.corner] = best;
@@ -321,13 +311,16 @@ GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const Pr
   GuidedMatches found;
   found.met = std::min(points_met, static_cast<size_t>(std::count(met.begin(), met.end(), true)));
   std::copy_if(of_corner.begin(), of_corner.end(), std::back_inserter(found.matches),
-               [](const PlaceMatch& m) { return m.distance <= kMaxGuidedDistance; });
+               [&](const PlaceMatch& m) { return m.distance <= options.max_guided_distance; });
   return found;
 }
 
-std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const PlaceMatch> matches) {
+std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const PlaceMatch> matches,
+                                       const MatchOptions& options) {
   // Most pairs lie too far apart or moved too differently whatever lies between them: told without a root.
-  constexpr float kMostChange = kMotionNoise + kMotionChange * kNeighbourhood;
+  const float most_change = options.motion_noise + options.motion_change * options.neighbourhood;
+  const float neighbourhood = options.neighbourhood;
+  const float same_place = options.same_place;
   struct Motion {
     Eigen::Vector2f from;
     Eigen::Vector2f by;
@@ -335,12 +328,12 @@ std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const Pl
   std::vector<Motion> motions;
   motions.reserve(matches.size());
   for (const PlaceMatch& m : matches) motions.push_back({m.there, view.corners[m.corner].pixel - m.there});
-  const auto supports = [](const Motion& a, const Motion& b) {
+  const auto supports = [&](const Motion& a, const Motion& b) {
     const float change = (a.by - b.by).squaredNorm();
     const float squared = (a.from - b.from).squaredNorm();
-    if (change > kMostChange * kMostChange || squared > kNeighbourhood * kNeighbourhood) return false;
-    return squared >= kSamePlace * kSamePlace &&
-           std::sqrt(change) <= kMotionNoise + kMotionChange * std::sqrt(squared);
+    if (change > most_change * most_change || squared > neighbourhood * neighbourhood) return false;
+    return squared >= same_place * same_place &&
+           std::sqrt(change) <= options.motion_noise + options.motion_change * std::sqrt(squared);
   };
   std::vector<int> supporters(matches.size());
   for (size_t a = 0; a < motions.size(); ++a) {
@@ -352,7 +345,7 @@ std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const Pl
   }
   std::vector<PlaceMatch> kept;
   for (size_t m = 0; m < matches.size(); ++m) {
-    if (supporters[m] >= kFewestSupporters) kept.push_back(matches[m]);
+    if (supporters[m] >= options.fewest_supporters) kept.push_back(matches[m]);
   }
   return kept;
 }

@@ -13,6 +13,22 @@
 /// Corners of a query matched with points of keyframes by their descriptors.
 namespace cairn {
 
+struct MatchOptions {
+  int max_distance = 70;  ///< [bits of 256] of a match without a pose to guide it
+  float ratio = 0.85F;    ///< of the distance of the best rival (Lowe, IJCV 2004)
+  float same_place = 6;   ///< [px of level 0 times 2^level] nearer is no rival: the same corner, other level
+  int max_guided_distance = 60;  ///< [bits of 256] of a match near where a pose expects it
+  float neighbourhood = 80;      ///< [px] in the keyframe, within which matches are neighbours
+  float motion_noise = 8;        ///< [px] of a match at a coarse level
+  float motion_change = 0.25F;   ///< [px of motion per px apart] change of scale, roll, slant
+  int fewest_supporters = 2;     ///< neighbours that moved alike
+
+  /// [bits of 256] The farthest rival that can still refuse a match.
+  [[nodiscard]] int max_rival_distance() const {
+    return static_cast<int>(static_cast<float>(max_distance) / ratio);
+  }
+};
+
 /// A corner of the query and the map point that it shows, perhaps.
 struct PlaceMatch {
   size_t corner = 0;  ///< index into PlaceView::corners
@@ -33,7 +49,8 @@ struct Prefilter {
   size_t supported = 0;
 };
 [[nodiscard]] Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells,
-                                      const IndexedMap& map, size_t keyframe);
+                                      const IndexedMap& map, size_t keyframe,
+                                      const MatchOptions& options = {});
 /// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
 /// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
@@ -41,7 +58,8 @@ struct Prefilter {
 /// `prefilter`: its result there, whose matches need not be looked for again.
 [[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
                                                    const IndexedMap& map, size_t keyframe,
-                                                   const Prefilter& prefilter);
+                                                   const Prefilter& prefilter,
+                                                   const MatchOptions& options = {});
 
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
@@ -112,14 +130,16 @@ struct GuidedMatches {
   size_t met = 0;
 };
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
-                                       const ProjectedPoints& projected, double radius);
+                                       const ProjectedPoints& projected, double radius,
+                                       const MatchOptions& options = {});
 
-/// Matches that moved from the keyframe's image to the query's as at least two of their neighbours did (the
-/// idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do, by chance:
-/// sampling from these finds a pose in tens of trials where sampling from all needs thousands. In the given
-/// order.
+/// Matches that moved from the keyframe's image to the query's as some of their neighbours did, two at least
+/// by default, (the idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do,
+/// by chance: sampling from these finds a pose in tens of trials where sampling from all needs thousands. In
+/// the given order.
 [[nodiscard]] std::vector<PlaceMatch> keep_supported(const PlaceView& view,
-                                                     std::span<const PlaceMatch> matches);
+                                                     std::span<const PlaceMatch> matches,
+                                                     const MatchOptions& options = {});
 
 /// As observations of a pose: sigma 2^level px.
 [[nodiscard]] std::vector<PointObservation> to_observations(const PlaceView& view,

@@ -7,12 +7,6 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMostMapsOfAPlace = 4;
-/// Of a pair of maps, the newest: how they lie to each other is known from a few.
-constexpr size_t kMostShown = 32;
-/// A keyframe that stands no farther from one of another map (separation()) should be known there.
-constexpr double kNextTo = 0.3;
-
 /// In both maps' present frames; nothing: a keyframe has gone.
 std::optional<SharedView> view_of(const MapSnapshot& map, KeyframeId keyframe, const MapSnapshot& other_map,
                                   KeyframeId other, const SE3& camera_from_other) {
@@ -28,7 +22,7 @@ std::optional<SharedView> view_of(const MapSnapshot& map, KeyframeId keyframe, c
 std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& camera, const PlaceView& view,
                                              const RelocOptions& options) {
   std::vector<PlaceCandidate> found;
-  while (found.size() < kMostMapsOfAPlace && index.keyframe_count() > 0) {
+  while (found.size() < options.overlap.most_maps && index.keyframe_count() > 0) {
     const RelocalizationAnswer answer = relocalize(index, camera, view, options);
     if (answer.verdict != RelocalizationVerdict::kConfirmed) break;
     for (const PlaceCandidate& candidate : answer.candidates) {
@@ -72,7 +66,7 @@ std::vector<Overlap> OverlapDetector::note_answer(const MapId& map, KeyframeId k
     if (candidate.map == map || !keyframes_.contains(candidate.map)) continue;
     const MapPair pair = pair_of(map, candidate.map);
     std::vector<Shown>& shown = shown_[pair];
-    if (shown.size() == kMostShown) shown.erase(shown.begin());
+    if (shown.size() == options_.most_shown) shown.erase(shown.begin());
     shown.push_back({pair.one == map, keyframe, candidate.keyframe, candidate.camera_from_keyframe, time});
     if (const auto overlap = judge(pair, index)) overlaps.push_back(*overlap);
   }
@@ -87,7 +81,7 @@ std::optional<Overlap> OverlapDetector::judge(const MapPair& pair, const PlaceIn
   std::vector<bool> is_of_one;
   const std::vector<Shown>& shown = shown_.at(pair);
   // As far back as those that are counted for it go those that are counted against it.
-  const uint64_t since = shown.size() == kMostShown ? shown.front().asked_at : 0;
+  const uint64_t since = shown.size() == options_.most_shown ? shown.front().asked_at : 0;
   for (const Shown& s : shown) {
     auto view = s.is_of_one
                     ? view_of(*one->snapshot, s.keyframe, *other->snapshot, s.other, s.camera_from_other)
@@ -100,8 +94,8 @@ std::optional<Overlap> OverlapDetector::judge(const MapPair& pair, const PlaceIn
     views.push_back(*view);
     is_of_one.push_back(s.is_of_one);
   }
-  const auto agreement = find_agreement(views);
-  if (!agreement || agreement->views.size() < kLeastKeyframes) return std::nullopt;
+  const auto agreement = find_agreement(views, options_.agreement);
+  if (!agreement || agreement->views.size() < options_.least_keyframes) return std::nullopt;
   const Similarity3& other_from_one = agreement->other_from_one;
   const size_t missing = count_missing(*one, *other, other_from_one, since) +
                          count_missing(*other, *one, other_from_one.inverse(), since);
@@ -133,8 +127,9 @@ size_t OverlapDetector::count_missing(const IndexedMap& asked, const IndexedMap&
     const double depth = other_from_asked.scale() * here->mean_depth;
     missing += static_cast<size_t>(std::ranges::any_of(standing, [&](const Standing& there) {
       const double least = std::min(depth, static_cast<double>(there.pose->mean_depth));
-      return there.searched_since < entry.asked_at && (center - there.center).norm() <= kNextTo * least &&
-             separation(camera, there.pose->camera_from_map, least) <= kNextTo;
+      return there.searched_since < entry.asked_at &&
+             (center - there.center).norm() <= options_.next_to * least &&
+             separation(camera, there.pose->camera_from_map, least) <= options_.next_to;
     }));
   }
   return missing;

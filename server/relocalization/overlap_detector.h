@@ -24,7 +24,7 @@ struct MapPair {
   return a < b ? MapPair{a, b} : MapPair{b, a};
 }
 
-/// What two maps have in common, as the newest 32 keyframes tell that are in both.
+/// What two maps have in common, as the newest keyframes tell that are in both.
 struct Overlap {
   MapPair maps;
   size_t of_one = 0;  ///< keyframes of the one that show the other, all by one similarity
@@ -40,15 +40,15 @@ struct Overlap {
 /// Gathers which keyframes of maps have been asked about in other maps, and with what answer.
 ///
 /// One keyframe in another map may be a look-alike, and its neighbours in the map, which show the same, may
-/// be taken in by the same. So an overlap is at least kLeastKeyframes keyframes whose poses agree on one
-/// similarity between the two maps, and no fewer than those that should show the other map by that
-/// similarity, as they stood next to a keyframe of it, and are not known there nor anywhere: a place is
+/// be taken in by the same. So an overlap is at least OverlapOptions::least_keyframes keyframes whose poses
+/// agree on one similarity between the two maps, and no fewer than those that should show the other map by
+/// that similarity, as they stood next to a keyframe of it, and are not known there nor anywhere: a place is
 /// recognized from about where it was mapped, all but always; a place like it from here and there.
 ///
 /// One thread at a time. Takes some 100 bytes a keyframe.
 class OverlapDetector {
  public:
-  static constexpr size_t kLeastKeyframes = 3;
+  explicit OverlapDetector(const OverlapOptions& options = {}) : options_(options) {}
 
   /// A map is searched as it is in `map` from here on.
   void note_searched(const IndexedMap& map);
@@ -85,6 +85,7 @@ class OverlapDetector {
   [[nodiscard]] size_t count_missing(const IndexedMap& asked, const IndexedMap& other,
                                      const Similarity3& other_from_asked, uint64_t since) const;
 
+  OverlapOptions options_;
   uint64_t clock_ = 0;
   std::map<MapId, Entries> keyframes_;
   std::map<MapPair, std::vector<Shown>> shown_;

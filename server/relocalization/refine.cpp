@@ -2,22 +2,15 @@
 #include "server/relocalization/refine.h"
 
 #include <algorithm>
-#include <iterator>
 #include <limits>
 #include <utility>
 
 namespace cairn {
 namespace {
 
-constexpr size_t kNeighbourhood = 4;  ///< keyframes whose points are looked for around a pose
-constexpr double kAngleWeight = 1;    ///< a radian between optical axes counts as one mean depth apart
-/// Radius of the search around a pose [px of the corner's level]: that of three points is rough yet.
-constexpr double kRadii[] = {6, 4, 2.5};
-constexpr double kCertainty = 3;        ///< sigmas of where a point is expected that the radius must hold
-constexpr size_t kEnoughForPose = 200;  ///< points of which a pose is refined, before all are looked for
-
 /// The keyframe that a pose comes from, and those of the others that see about what the pose sees.
-std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_from_map, size_t keyframe) {
+std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_from_map, size_t keyframe,
+                                     const RefineOptions& options) {
   std::vector<std::pair<double, size_t>> ranked;
   const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
   for (size_t i = 0; i < map.keyframes.size(); ++i) {
@@ -26,9 +19,9 @@ std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_fr
     const double depth = std::max(1e-6, static_cast<double>(pose->mean_depth));
     const double distance = (pose->camera_from_map.center() - camera_from_map.center()).norm() / depth;
     const Eigen::Vector3d its_axis = pose->camera_from_map.rotation_matrix().row(2);
-    ranked.emplace_back(distance + kAngleWeight * (its_axis - axis).norm(), i);
+    ranked.emplace_back(distance + options.angle_weight * (its_axis - axis).norm(), i);
   }
-  const size_t others = std::min(ranked.size(), kNeighbourhood - 1);
+  const size_t others = std::min<size_t>(ranked.size(), options.neighbourhood - 1);
   std::partial_sort(ranked.begin(), ranked.begin() + static_cast<ptrdiff_t>(others), ranked.end());
   ranked.resize(others);
   std::vector<size_t> around = {keyframe};
@@ -62,35 +55,36 @@ double variance_of_pixel(const Camera& camera, const PoseEstimate& pose, const E
   return (*d_pixel_d_pose * pose.covariance * d_pixel_d_pose->transpose()).trace();
 }
 
-void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points) {
+void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points,
+                  const RefineOptions& options) {
   std::erase_if(points->points, [&](const ProjectedPoint& point) {
     int finest = kPyramidLevels;
     for (const KeyframeSighting& s : points->sightings_of(point))
       finest = std::min<int>(finest, s.sighting->level);
-    const double reach = radius * (1 << finest) / kCertainty;
+    const double reach = radius * (1 << finest) / options.certainty;
     return variance_of_pixel(camera, pose, point.position) > reach * reach;
   });
 }
 
 Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                       const IndexedMap& map, size_t keyframe, PoseEstimate pose) {
+                       const IndexedMap& map, size_t keyframe, PoseEstimate pose,
+                       const RefineOptions& options, const MatchOptions& matching) {
   Refined refined{std::move(pose), {}, {}};
   const float white = white_share(view.small);
-  for (size_t step = 0; step < std::size(kRadii); ++step) {
-    const double radius = kRadii[step];
+  for (size_t step = 0; step < options.radii.size(); ++step) {
+    const double radius = options.radii[step];
     const SE3 camera_from_map = refined.pose.camera_from_map;
-    project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe), white,
-                   &refined.points);
-    if (step + 1 < std::size(kRadii)) {
-      keep_certain(camera, refined.pose, radius, &refined.points);
-      keep_some(kEnoughForPose, &refined.points.points);
+    project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe, options),
+                   white, &refined.points);
+    if (step + 1 < options.radii.size()) {
+      keep_certain(camera, refined.pose, radius, &refined.points, options);
+      keep_some(options.enough_for_pose, &refined.points.points);
     }
-    refined.guided = match_near(view, grid, refined.points, radius);
-    PoseOptions options;
-    options.fixed_cutoff_after = 0;
-    options.late_squared_cutoff = radius * radius;
-    auto next =
-        optimize_pose(camera, camera_from_map, to_observations(view, refined.guided.matches), options);
+    refined.guided = match_near(view, grid, refined.points, radius, matching);
+    PoseOptions fit;
+    fit.fixed_cutoff_after = 0;
+    fit.late_squared_cutoff = radius * radius;
+    auto next = optimize_pose(camera, camera_from_map, to_observations(view, refined.guided.matches), fit);
     if (!next) return tl::unexpected(next.error());
     refined.pose = std::move(*next);
   }

@@ -12,31 +12,9 @@
 #include <utility>
 
 #include "server/relocalization/rivals.h"
-#include "server/relocalization/votes.h"
 
 namespace cairn {
 namespace {
-
-/// Length of the two orders of merit that are fused. Where images or words are led astray (other light) the
-/// place is far down in both, yet at a like rank.
-constexpr size_t kFused = 128;
-
-/// Looking for a pose is most of what a closer look costs. So many are looked for in a search, so many more
-/// where a place is believed, of its rivals, and then so many for the best pose there, unless the image
-/// looks so similar from one of its keyframes.
-constexpr size_t kMostPoses = 6;
-constexpr size_t kMoreForRivals = 3;
-constexpr size_t kMoreForPose = 2;
-constexpr double kSureSimilarity = 0.65;
-
-/// So many keyframes of a place that has been confirmed are tried, those included that the prefilter ruled
-/// out; then others are, which may look as much like it.
-constexpr int kTriesOfPlace = 3;
-
-/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are prefiltered, and so
-/// many in all.
-constexpr size_t kNeighboursOfLead = 4;
-constexpr size_t kTriesOfLeads = 4;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -50,16 +28,15 @@ Ranked rank(const IndexedMap& map, size_t keyframe, const QueryImage& query) {
 /// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
 /// SIGIR 2009, with its constant). Ties: in the order of `by_image`, then of `by_words`.
 std::vector<Ranked> fuse(const std::vector<Ranked>& by_image, const std::vector<Voted>& by_words,
-                         const QueryImage& query) {
-  constexpr float kDamping = 60;
+                         const QueryImage& query, float damping) {
   std::vector<std::pair<float, Ranked>> fused;
   std::unordered_map<const IndexedKeyframe*, size_t> position;
-  float place = kDamping;
+  float place = damping;
   for (const Ranked& r : by_image) {
     position.emplace(&r.indexed(), fused.size());
     fused.emplace_back(1 / ++place, r);
   }
-  place = kDamping;
+  place = damping;
   for (const Voted& v : by_words) {
     const IndexedKeyframe& keyframe = *v.map->keyframes[v.keyframe];
     if (const auto same = position.find(&keyframe); same != position.end()) {
@@ -144,22 +121,23 @@ class Inquiry {
   bool search(const PlaceIndex& index, const QueryImage& query) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = asked_.size();
-    const size_t most_poses = poses_ + kMostPoses;
+    const size_t most_poses = poses_ + options_.most_poses;
     // Those of the maps searched before wait until these have been prefiltered, too.
     std::vector<Prefiltered> before_these = std::exchange(waiting_, {});
-    const NearImages near(index, query, options_.search);
+    const NearImages near(index, query, options_.search, options_.images_near);
     const auto similar = near.most_similar(shortlist);
     for (size_t n = 1; n <= static_cast<size_t>(options_.by_image_alone); ++n) {
       prefilter(similar, before + n);
       if (look_closer(most_poses)) return true;
     }
     std::ranges::move(before_these, std::back_inserter(waiting_));
-    const auto voted = vote(index, near.maps(), view_, cells_, kFused);
-    prefilter(fuse(near.most_similar(kFused), voted, query), before + shortlist);
+    const auto voted = vote(index, near.maps(), view_, cells_, options_.fused, options_.votes);
+    prefilter(fuse(near.most_similar(options_.fused), voted, query, options_.fusion_damping),
+              before + shortlist);
     if (look_closer(most_poses)) return true;
     if (!is_any_confirmed() && follow_leads(query, most_poses)) return true;
-    return is_any_believed() && most_similar_believed_ < kSureSimilarity &&
-           look_closer(poses_ + kMoreForPose, Tries::kOfAnyPlace);
+    return is_any_believed() && most_similar_believed_ < options_.sure_similarity &&
+           look_closer(poses_ + options_.more_for_pose, Tries::kOfAnyPlace);
   }
   /// By what it shows itself, whoever else shows the same.
   [[nodiscard]] bool is_any_confirmed() const {
@@ -190,7 +168,8 @@ class Inquiry {
   /// rivals.
   [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
     return std::ranges::any_of(hypotheses_, [&](const PlaceHypothesis& t) {
-      return t.said.confirmed && t.tries_of_place >= kTriesOfPlace && is_of_place(keyframe, map, t);
+      return t.said.confirmed && t.tries_of_place >= options_.tries_of_place &&
+             is_of_place(keyframe, map, t, options_.in_common);
     });
   }
 
@@ -221,10 +200,10 @@ class Inquiry {
     for (size_t k = 0; k < lead.map->keyframes.size(); ++k) {
       const IndexedKeyframe& keyframe = *lead.map->keyframes[k];
       const size_t common = was_asked(keyframe) ? 0 : count_in_common(keyframe, lead.indexed());
-      if (common >= kInCommon) shared.emplace_back(common, k);
+      if (common >= options_.in_common) shared.emplace_back(common, k);
     }
     std::ranges::stable_sort(shared, std::greater(), &std::pair<size_t, size_t>::first);
-    if (shared.size() > kNeighboursOfLead) shared.resize(kNeighboursOfLead);
+    if (shared.size() > options_.neighbours_of_lead) shared.resize(options_.neighbours_of_lead);
     std::vector<Ranked> neighbours;
     for (const auto& [_, k] : shared) neighbours.push_back(rank(*lead.map, k, query));
     return neighbours;
@@ -233,7 +212,7 @@ class Inquiry {
   /// A neighbour of what is half known may see the place better, and stand too low by images and words to be
   /// tried. Nothing is prefiltered that could not be looked at closer. True: one is clear.
   bool follow_leads(const QueryImage& query, size_t most_poses) {
-    const size_t most = asked_.size() + kTriesOfLeads;
+    const size_t most = asked_.size() + options_.tries_of_leads;
     for (const Ranked& lead : leads()) {
       if (asked_.size() >= most || poses_ >= most_poses) return false;
       prefilter(neighbours_of(lead, query), most);
@@ -245,7 +224,8 @@ class Inquiry {
   /// Counts it among the hypotheses of its place. It may be a rival of any that were believed.
   void add(PlaceHypothesis hypothesis) {
     for (PlaceHypothesis& before : hypotheses_) {
-      if (!is_of_place(before.ranked.indexed(), before.candidate.map, hypothesis)) continue;
+      if (!is_of_place(before.ranked.indexed(), before.candidate.map, hypothesis, options_.in_common))
+        continue;
       ++before.tries_of_place;
       ++hypothesis.tries_of_place;
     }
@@ -266,7 +246,8 @@ class Inquiry {
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
       if (pose == nullptr || was_asked(r.indexed())) continue;
       asked_.push_back(&r.indexed());
-      Prefiltered prefiltered{r, pose, run_prefilter(view_, cells_, *r.map, r.keyframe)};
+      Prefiltered prefiltered{r, pose,
+                              run_prefilter(view_, cells_, *r.map, r.keyframe, options_.confirm.match)};
       if (prefiltered.prefilter.supported > 0) {
         waiting_.push_back(std::move(prefiltered));
       } else {
@@ -301,7 +282,7 @@ class Inquiry {
     const IndexedKeyframe& keyframe = g.ranked.indexed();
     const MapId& map = g.ranked.map->snapshot->map;
     if (is_settled(keyframe, map)) return false;
-    return poses_ < most_poses + (is_any_believed() ? kMoreForRivals : 0);
+    return poses_ < most_poses + (is_any_believed() ? options_.more_for_rivals : 0);
   }
 
   /// The first of those in order has the best pose that is found around it. Whether it is still confirmed.

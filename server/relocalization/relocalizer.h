@@ -4,13 +4,16 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/base/option_list.h"
 #include "common/geometry/camera.h"
 #include "common/image/place.h"
 #include "common/map/map_set.h"
 #include "common/map/relocalization_answer.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/image_search.h"
+#include "server/relocalization/map_agreement.h"
 #include "server/relocalization/place_index.h"
+#include "server/relocalization/votes.h"
 
 /// Which map, where, and how sure. Pure and re-entrant: queries run on any threads at the
 /// same time.
@@ -27,7 +30,7 @@ struct RelocOptions {
   /// Keyframes that are prefiltered before the words are asked: the most similar by their tiny images.
   int by_image_alone = 2;
   /// Keyframes that are prefiltered by images and words, those included; then, where nothing is confirmed,
-  /// four neighbours of those that are half known. Geometry is asked about those of which most is seen.
+  /// some neighbours of those that are half known. Geometry is asked about those of which most is seen.
   int shortlist = 16;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
   ImageSearch search = ImageSearch::kForest;
@@ -39,7 +42,38 @@ struct RelocOptions {
   double least_peculiar = 0.25;
   /// and the corners that it explains, over those that any of them does.
   double least_margin = 1.25;
+  /// Keyframes that show this place in part otherwise, over those that confirm it: so many refuse it.
+  int outvoted_by = 3;
+  double same_pose =
+      kSamePose;  ///< [mean depths plus rad] poses in one map that are farther apart contradict each other
+  uint64_t in_common =
+      5;  ///< points; keyframes of a map that measured fewer in common are of different places
+  /// Length of the two orders of merit that are fused. Where images or words are led astray (other light) the
+  /// place is far down in both, yet at a like rank.
+  uint64_t fused = 128;
+  float fusion_damping = 60;  ///< of reciprocal rank fusion: Cormack et al., SIGIR 2009, with their constant
+  /// Looking for a pose is most of what a closer look costs. So many are looked for in a search, so many more
+  /// where a place is believed, of its rivals, and then so many for the best pose there, unless the image
+  /// looks so similar from one of its keyframes.
+  uint64_t most_poses = 6;
+  uint64_t more_for_rivals = 3;
+  uint64_t more_for_pose = 2;
+  double sure_similarity = 0.65;
+  /// So many keyframes of a place that has been confirmed are tried, those included that the prefilter ruled
+  /// out; then others are, which may look as much like it.
+  int tries_of_place = 3;
+  /// Where nothing is confirmed, so many neighbours of each keyframe that is half known are prefiltered, and
+  /// so many in all.
+  uint64_t neighbours_of_lead = 4;
+  uint64_t tries_of_leads = 4;
+  /// Images that a query looks at: its words vote for keyframes of the maps of these.
+  uint64_t images_near = kImagesNear;
+  VoteOptions votes;
+  OverlapOptions overlap;
 };
+
+/// What an operator may set: all that is no choice of a run, whose are the method and the search.
+[[nodiscard]] OptionList list_options(RelocOptions* options);
 
 /// Which maps a query is about.
 struct SearchScope {

@@ -32,8 +32,9 @@ bool is_rival(const MapId& map, const PlaceHypothesis& judged, std::span<const P
 
 /// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
 /// that is judged lie elsewhere in the image, as far as a pose that contradicts it would put them.
-std::vector<size_t> explained_otherwise(const PlaceHypothesis& rival, const PlaceHypothesis& judged) {
-  const double least_cosine = std::cos(kSamePose);
+std::vector<size_t> explained_otherwise(const PlaceHypothesis& rival, const PlaceHypothesis& judged,
+                                        double same_pose) {
+  const double least_cosine = std::cos(same_pose);
   const auto is_otherwise = [&](const ExplainedCorner& e) {
     if (rival.candidate.map != judged.candidate.map) return true;
     return e.ray.dot((*judged.said.camera_from_map * e.position).normalized()) < least_cosine;
@@ -45,11 +46,12 @@ std::vector<size_t> explained_otherwise(const PlaceHypothesis& rival, const Plac
   return corners;
 }
 
-Rivalry compare_with_rivals(const PlaceHypothesis& confirmed, std::span<const PlaceHypothesis> hypotheses) {
+Rivalry compare_with_rivals(const PlaceHypothesis& confirmed, std::span<const PlaceHypothesis> hypotheses,
+                            double same_pose) {
   Rivalry rivalry{0, confirmed.said.found};
   for (const PlaceHypothesis& rival : hypotheses) {
     if (!is_rival(rival.candidate.map, confirmed, hypotheses)) continue;
-    const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
+    const std::vector<size_t> explained = explained_otherwise(rival, confirmed, same_pose);
     rivalry.most = std::max(rivalry.most, explained.size());
     std::vector<size_t> left;
     std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
@@ -63,7 +65,7 @@ Rivalry compare_with_rivals(const PlaceHypothesis& confirmed, std::span<const Pl
 /// clearly more than what it is not. Why it is not; nothing: it is.
 std::optional<std::string> find_why_common(const RelocOptions& options, const PlaceHypothesis& confirmed,
                                            std::span<const PlaceHypothesis> hypotheses) {
-  const Rivalry rivalry = compare_with_rivals(confirmed, hypotheses);
+  const Rivalry rivalry = compare_with_rivals(confirmed, hypotheses, options.same_pose);
   const size_t found = confirmed.said.found.size();
   const size_t explained = confirmed.said.explained.size();
   if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * static_cast<double>(found) &&
@@ -75,23 +77,23 @@ std::optional<std::string> find_why_common(const RelocOptions& options, const Pl
       explained, rivalry.most, rivalry.peculiar.size(), found);
 }
 
-bool contradict(const PlaceHypothesis& a, const PlaceHypothesis& b) {
+bool contradict(const PlaceHypothesis& a, const PlaceHypothesis& b, double same_pose) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = *a.said.camera_from_map;
   const SE3& other = *b.said.camera_from_map;
-  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
+  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > same_pose;
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
 /// with which corners in more cells of the image agree, or else more corners, stands, if nothing else
 /// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
-std::optional<std::string> find_why_contradicted(const PlaceHypothesis& judged,
+std::optional<std::string> find_why_contradicted(const RelocOptions& options, const PlaceHypothesis& judged,
                                                  std::span<const PlaceHypothesis> hypotheses) {
   const auto extent = [](const PlaceHypothesis& t) {
     return std::tuple(t.said.agreeing_cells, t.said.agreeing);
   };
   const auto wider = std::ranges::find_if(hypotheses, [&](const PlaceHypothesis& t) {
-    return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
+    return t.said.confirmed && contradict(judged, t, options.same_pose) && extent(t) > extent(judged);
   });
   if (wider == hypotheses.end()) return std::nullopt;
   return fmt::format("{} corners in {} of {} parts agree with another pose in this map, {} in {} with this",
@@ -104,10 +106,10 @@ std::optional<std::string> find_why_contradicted(const PlaceHypothesis& judged,
 /// changed. Why a pose is not believed; nothing: it is.
 std::optional<std::string> find_why_outvoted(const RelocOptions& options, const PlaceHypothesis& judged,
                                              std::span<const PlaceHypothesis> hypotheses) {
-  constexpr ptrdiff_t kToOne = 3;
   if (judged.said.changed) return std::nullopt;
   const auto is_same = [&](const PlaceHypothesis& t) {
-    return t.candidate.map == judged.candidate.map && t.said.inliers > 0 && !contradict(t, judged);
+    return t.candidate.map == judged.candidate.map && t.said.inliers > 0 &&
+           !contradict(t, judged, options.same_pose);
   };
   const auto pro = std::ranges::count_if(
       hypotheses, [&](const PlaceHypothesis& t) { return t.said.confirmed && is_same(t); });
@@ -115,7 +117,7 @@ std::optional<std::string> find_why_outvoted(const RelocOptions& options, const 
     return !t.said.confirmed && t.said.inconsistent_cells > options.confirm.by_image.inconsistent_cells &&
            is_same(t);
   });
-  if (con < kToOne * pro) return std::nullopt;
+  if (con < options.outvoted_by * pro) return std::nullopt;
   return fmt::format("{} keyframes show this place otherwise in part, {} as it is", con, pro);
 }
 
@@ -138,14 +140,15 @@ size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b, size_
   return shared;
 }
 
-bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const PlaceHypothesis& hypothesis) {
+bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const PlaceHypothesis& hypothesis,
+                 size_t in_common) {
   return map == hypothesis.candidate.map &&
-         count_in_common(keyframe, hypothesis.ranked.indexed(), kInCommon) == kInCommon;
+         count_in_common(keyframe, hypothesis.ranked.indexed(), in_common) == in_common;
 }
 
 std::optional<std::string> find_why_refused(const RelocOptions& options, const PlaceHypothesis& judged,
                                             std::span<const PlaceHypothesis> hypotheses) {
-  auto refusal = find_why_contradicted(judged, hypotheses);
+  auto refusal = find_why_contradicted(options, judged, hypotheses);
   if (!refusal) refusal = find_why_outvoted(options, judged, hypotheses);
   return refusal ? refusal : find_why_common(options, judged, hypotheses);
 }

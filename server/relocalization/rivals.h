@@ -21,16 +21,14 @@ struct PlaceHypothesis {
   int tries_of_place = 1;  ///< hypotheses that are of its place
 };
 
-/// Keyframes of a map that measured fewer points in common are of different places.
-constexpr size_t kInCommon = 5;
-
 /// Points that both keyframes of one map measured, counted up to `enough`.
 [[nodiscard]] size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b,
                                      size_t enough = std::numeric_limits<size_t>::max());
 
-/// Whether a keyframe of a map is of the place of a hypothesis.
+/// Whether a keyframe of a map is of the place of a hypothesis: both measured `in_common` points
+/// (RelocOptions::in_common).
 [[nodiscard]] bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map,
-                               const PlaceHypothesis& hypothesis);
+                               const PlaceHypothesis& hypothesis, size_t in_common);
 
 /// Why what looks right by itself is not believed, given all hypotheses, itself included;
 /// nothing: it is.

@@ -8,9 +8,6 @@
 namespace cairn {
 namespace {
 
-/// Nearest cells of a corner, of each of which it takes a word: the nearest alone has its point's word
-/// seldom (13 % of 43 000 pairs).
-constexpr size_t kVotingCells = 3;
 constexpr double kVoteUnit = 256;  ///< of the integer sums, per unit of the logarithm
 
 struct WordCount {
@@ -18,11 +15,11 @@ struct WordCount {
   uint32_t corners = 0;
 };
 
-std::vector<WordCount> words_of(const PlaceView& view, std::span<const CellList> cells) {
+std::vector<WordCount> words_of(const PlaceView& view, std::span<const CellList> cells, size_t voting) {
   std::vector<WordId> all;
-  all.reserve(kVotingCells * view.corners.size());
+  all.reserve(voting * view.corners.size());
   for (size_t i = 0; i < view.corners.size(); ++i) {
-    for (size_t k = 0; k < kVotingCells; ++k) all.push_back(word_in(cells[i][k], view.corners[i].descriptor));
+    for (size_t k = 0; k < voting; ++k) all.push_back(word_in(cells[i][k], view.corners[i].descriptor));
   }
   std::sort(all.begin(), all.end());
   std::vector<WordCount> counts;
@@ -58,8 +55,9 @@ float chance_of(const PlaceIndex& index, std::span<const WordCount> words,
 }  // namespace
 
 std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
-                        const PlaceView& view, std::span<const CellList> cells, size_t count) {
-  const std::vector<WordCount> words = words_of(view, cells);
+                        const PlaceView& view, std::span<const CellList> cells, size_t count,
+                        const VoteOptions& options) {
+  const std::vector<WordCount> words = words_of(view, cells, options.cells);
   const std::vector<uint32_t> weights = weigh(index, words);
   const float chance = chance_of(index, words, weights);
   std::vector<Voted> voted;

@@ -27,7 +27,8 @@ OverlapWatch::OverlapWatch(Executor& executor, const RelocOptions& options, Inde
       index_(std::move(index)),
       listener_(std::move(listener)),
       log_(std::move(log)),
-      times_(times) {}
+      times_(times),
+      detector_(options.overlap) {}
 
 void OverlapWatch::note_searched(const IndexedMapPtr& map, std::span<const KeyframeView> views) {
   const MapId id = map->snapshot->map;
