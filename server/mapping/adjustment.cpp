@@ -301,7 +301,7 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOpti
                             const std::function<bool()>& should_stop) {
   MapProblem problem = local_problem(*map, newest, options.local_keyframes);
   BundleOptions bundle;
-  bundle.max_iterations = 10;
+  bundle.max_iterations = options.local_iterations;
   bundle.function_tolerance = 1e-4;
   bundle.should_stop = should_stop;
   const BundleReport report = minimize(&problem.bundle, bundle, options.adjuster);

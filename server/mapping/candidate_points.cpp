@@ -13,18 +13,8 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kPartners = 4;       ///< keyframes in which a candidate is looked for
-constexpr double kSigmas = 3;         ///< of its inverse depth: the line that is searched
-constexpr double kLeastShare = 0.05;  ///< of its inverse depth: the line ends before infinity
-/// Sigma over depth of a point that is known: 0.3 px of level 1 at a parallax of one degree and f 525, as of
-/// points from two views.
-constexpr double kKnownDepth = 0.06;
-constexpr double kMeasuredSigma = 0.3;       ///< [search-level px]
-constexpr double kMaxSquaredResidual = 1.0;  ///< across the line, units of a search-level pixel
-constexpr float kKnownDistance = 10;         ///< [level px] from a point of the map, as of other new points
-constexpr double kSeenCosine = 0.9;          ///< a more oblique view against the keyframe's says nothing
-constexpr int kPatchBorder = 8;              ///< [search-level px] of a projection from the image's edge
-constexpr double kStep = 1e-3;               ///< of the inverse depth, for a derivative
+constexpr int kPatchBorder = 8;  ///< [search-level px] of a projection from the image's edge
+constexpr double kStep = 1e-3;   ///< of the inverse depth, for a derivative
 
 /// The inverse of a depth along the axis of the keyframe's camera [1 / map unit].
 struct Depth {
@@ -44,20 +34,23 @@ Eigen::Vector3d point_of(const PointSource& source, double inverse_depth) {
 
 class CandidatePoints {
  public:
-  CandidatePoints(MapState* map, KeyframeId keyframe) : map_(*map), id_(keyframe) {}
+  CandidatePoints(MapState* map, KeyframeId keyframe, const MapMakerOptions& options)
+      : map_(*map), id_(keyframe), options_(options.candidates), two_views_(options.new_points) {}
 
   std::vector<PointId> make(std::span<const PointCandidate> candidates, const std::optional<Extent>& extent) {
     const SE3 map_from_camera = keyframe().camera_from_map.inverse();
     take_in(candidates.first(std::min(candidates.size(), kMaxCandidates)));
     std::vector<PointId> made;
-    const std::vector<KeyframeId> partners = rank_partners(map_, keyframe(), positions_, 0, kPartners);
+    const std::vector<KeyframeId> partners =
+        rank_partners(map_, keyframe(), positions_, 0, options_.partners, two_views_);
     std::vector<EpipolarSearch> searches;
-    for (const KeyframeId partner : partners) searches.emplace_back(keyframe(), map_.keyframe(partner));
+    for (const KeyframeId partner : partners)
+      searches.emplace_back(keyframe(), map_.keyframe(partner), two_views_.min_parallax, two_views_.epipolar);
     for (const auto& [source, told] : sources_) {
       if (is_taken(source)) continue;
       Depth depth = told;
       const std::optional<Seen> seen = look(source, partners, &searches, &depth);
-      if (!seen || std::sqrt(depth.variance) > kKnownDepth * depth.inverse) continue;
+      if (!seen || std::sqrt(depth.variance) > options_.known_depth * depth.inverse) continue;
       const Eigen::Vector3d in_source = point_of(source, depth.inverse);
       if (extent && !contains(*extent, map_from_camera * in_source)) continue;
       made.push_back(add_point(&map_, source, in_source, *seen));
@@ -88,7 +81,7 @@ class CandidatePoints {
 
   /// Whether the map has a point there.
   [[nodiscard]] bool is_taken(const PointSource& source) const {
-    const float apart = kKnownDistance * static_cast<float>(1 << source.level);
+    const float apart = options_.known_distance * static_cast<float>(1 << source.level);
     const Eigen::Vector2f pixel = pixel_of(source);
     return std::any_of(keyframe().measurements.begin(), keyframe().measurements.end(),
                        [&](const Measurement& m) { return (m.pixel - pixel).squaredNorm() < apart * apart; });
@@ -104,9 +97,10 @@ class CandidatePoints {
       EpipolarSearch& search = (*searches)[i];
       if (!should_see(source, *depth, partner, search)) continue;
       was_asked = true;
-      const double reach = kSigmas * std::sqrt(depth->variance);
+      const double reach = options_.sigmas * std::sqrt(depth->variance);
       const auto found = search.find_match(
-          source, {std::max(depth->inverse - reach, kLeastShare * depth->inverse), depth->inverse + reach});
+          source,
+          {std::max(depth->inverse - reach, options_.least_share * depth->inverse), depth->inverse + reach});
       if (found && measure(source, *found, search, depth)) seen.emplace_back(partners[i], *found);
     }
     if (was_asked && seen.empty()) return std::nullopt;
@@ -119,12 +113,12 @@ class CandidatePoints {
     if (!view || !partner.camera->in_image(view->pixel, kPatchBorder << view->level)) return false;
     const Eigen::Vector3d point = point_of(source, depth.inverse);
     const Eigen::Vector3d center = keyframe().camera_from_map * partner.camera_from_map.center();
-    return (center - point).normalized().dot(-point.normalized()) > kSeenCosine;
+    return (center - point).normalized().dot(-point.normalized()) > options_.seen_cosine;
   }
 
   /// One scalar Kalman step of the inverse depth. False when what was found is not on the line.
-  static bool measure(const PointSource& source, const PatchFound& found, const EpipolarSearch& search,
-                      Depth* depth) {
+  [[nodiscard]] bool measure(const PointSource& source, const PatchFound& found, const EpipolarSearch& search,
+                             Depth* depth) const {
     const double step = kStep * depth->inverse;
     const auto here = search.pixel_at(source, depth->inverse);
     const auto nearer = search.pixel_at(source, depth->inverse + step);
@@ -132,12 +126,12 @@ class CandidatePoints {
     const Eigen::Vector2d by_depth = (*nearer - *here) / step;
     const Eigen::Vector2d innovation = found.pixel.cast<double>() - *here;
     const double level_pixel = 1 << found.level;
-    const double noise = std::pow(kMeasuredSigma * level_pixel, 2);
+    const double noise = std::pow(options_.measured_sigma * level_pixel, 2);
     const double variance = 1 / (1 / depth->variance + by_depth.squaredNorm() / noise);
     const double inverse = depth->inverse + variance * by_depth.dot(innovation) / noise;
     const auto now = inverse > 0 ? search.pixel_at(source, inverse) : std::nullopt;
-    if (!now ||
-        (found.pixel.cast<double>() - *now).squaredNorm() > kMaxSquaredResidual * level_pixel * level_pixel)
+    if (!now || (found.pixel.cast<double>() - *now).squaredNorm() >
+                    options_.max_squared_residual * level_pixel * level_pixel)
       return false;
     *depth = {inverse, variance};
     return true;
@@ -145,6 +139,8 @@ class CandidatePoints {
 
   MapState& map_;
   KeyframeId id_;
+  const CandidatePointOptions& options_;
+  const TwoViewPointOptions& two_views_;
   std::vector<std::pair<PointSource, Depth>> sources_;
   std::vector<Eigen::Vector3d> positions_;  ///< map frame
 };
@@ -153,10 +149,11 @@ class CandidatePoints {
 
 std::vector<PointId> make_candidate_points(MapState* map, KeyframeId keyframe,
                                            std::span<const PointCandidate> candidates,
-                                           const std::optional<Extent>& extent) {
+                                           const std::optional<Extent>& extent,
+                                           const MapMakerOptions& options) {
   const auto& all = map->keyframes();
   if (candidates.empty() || std::any_of(all.begin(), all.end(), lacks_images)) return {};
-  return CandidatePoints(map, keyframe).make(candidates, extent);
+  return CandidatePoints(map, keyframe, options).make(candidates, extent);
 }
 
 }  // namespace cairn

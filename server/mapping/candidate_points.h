@@ -7,6 +7,7 @@
 
 #include "common/map/extent.h"
 #include "common/map/observations.h"
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/map_state.h"
 
 /// Points of what a tracker has followed until it knew the depth.
@@ -20,6 +21,7 @@ namespace cairn {
 /// `extent`: in which they must be; nothing: everywhere.
 [[nodiscard]] std::vector<PointId> make_candidate_points(MapState* map, KeyframeId keyframe,
                                                          std::span<const PointCandidate> candidates,
-                                                         const std::optional<Extent>& extent = {});
+                                                         const std::optional<Extent>& extent,
+                                                         const MapMakerOptions& options);
 
 }  // namespace cairn

@@ -9,17 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kNearMargin = 0.6;  ///< depths searched, relative to the keyframe's 5th percentile of depth
-constexpr double kFarMargin = 1.8;   ///< and to its 95th
-constexpr int kLineDistance = 2;     ///< [level px] searched on either side of the epipolar line
-constexpr int kTemplateMargin = 5;   ///< [level px] of a template's window from the image's border
-constexpr double kSegmentLength =
-    24;  ///< [source-level px] of the line that shares one warp and counts as straight
-constexpr int kMaxSegments = 16;
-constexpr int kPixelsPerWindow = 4;          ///< whose sums cost what one window costs more without them
-constexpr double kMaxSquaredResidual = 1.0;  ///< of a new point in its two views, units of sigma
-constexpr float kUniqueDistance = 3.0F;      ///< [level px] a rival is a corner farther away than this
-constexpr float kUniqueRatio = 0.7F;         ///< best ZMSSD over the best rival's
+constexpr int kTemplateMargin = 5;  ///< [level px] of a template's window from the image's border
 
 /// Where a whole pixel is; a line may end far outside of the image.
 int whole(float pixel) {
@@ -27,22 +17,22 @@ int whole(float pixel) {
   return static_cast<int>(std::clamp(pixel, -kFar, kFar));
 }
 
-/// The pixels within kLineDistance and a half, for rounding, of a piece of line [level px], across the
+/// The pixels within `line_distance` and a half, for rounding, of a piece of line [level px], across the
 /// direction in which it is thin, where templates fit. `runs` is replaced.
 void mark_strip(const Eigen::Vector2f& begin, const Eigen::Vector2f& end, const GrayView& image,
-                std::vector<PixelRun>* runs) {
-  constexpr float kHalfWidth = kLineDistance + 0.5F;
+                int line_distance, std::vector<PixelRun>* runs) {
+  const float half_width = static_cast<float>(line_distance) + 0.5F;
   constexpr float kLevel = 1e-3F;  // [px] less of a rise is none
   runs->clear();
   if (!begin.allFinite() || !end.allFinite()) return;
   const Eigen::Vector2f line = end - begin;
   const bool is_flat = std::abs(line.x()) > std::abs(line.y());
   const Eigen::Vector2f reach =
-      is_flat ? Eigen::Vector2f(0.5F, kHalfWidth) : Eigen::Vector2f(kHalfWidth, 0.5F);
+      is_flat ? Eigen::Vector2f(0.5F, half_width) : Eigen::Vector2f(half_width, 0.5F);
   const Eigen::Vector2f least = begin.cwiseMin(end) - reach;
   const Eigen::Vector2f most = begin.cwiseMax(end) + reach;
   const float columns_per_row = line.x() / (std::abs(line.y()) < kLevel ? kLevel : line.y());
-  const float beside = is_flat ? kHalfWidth * std::abs(columns_per_row) : kHalfWidth;
+  const float beside = is_flat ? half_width * std::abs(columns_per_row) : half_width;
   const int top = std::max(kTemplateMargin, whole(std::ceil(least.y())));
   const int bottom = std::min(image.height - kTemplateMargin - 1, whole(std::floor(most.y())));
   for (int row = top; row <= bottom; ++row) {
@@ -61,12 +51,15 @@ Eigen::Vector3d point_at(const PointSource& source, double inverse_depth) {
 
 }  // namespace
 
-EpipolarSearch::EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax)
-    : partner_(partner),
+EpipolarSearch::EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax,
+                               const EpipolarOptions& options)
+    : options_(options),
+      partner_(partner),
       source_camera_(*keyframe.camera),
       partner_from_source_(partner.camera_from_map * keyframe.camera_from_map.inverse()),
       min_parallax_(min_parallax),
-      seen_{1.0 / (kFarMargin * keyframe.far_depth), 1.0 / (kNearMargin * keyframe.near_depth)} {}
+      seen_{1.0 / (options.far_margin * keyframe.far_depth),
+            1.0 / (options.near_margin * keyframe.near_depth)} {}
 
 std::optional<NewPoint> EpipolarSearch::find(const PointSource& source) {
   const auto found = find_match(source, seen_);
@@ -80,7 +73,7 @@ std::optional<PatchFound> EpipolarSearch::find_match(const PointSource& source, 
   if (!best) return std::nullopt;
   const auto view = view_at(source, best->inverse_depth);
   if (!view) return std::nullopt;
-  return refine_from(source, *view, *partner_.images, best->pixel, kUniqueDistance);
+  return refine_from(source, *view, *partner_.images, best->pixel, options_.unique_distance);
 }
 
 std::optional<PatchView> EpipolarSearch::view_at(const PointSource& source, double inverse_depth) const {
@@ -98,10 +91,11 @@ void EpipolarSearch::collect_matches(const PointSource& source, const InverseDep
   limit_ = kSearchZmssd;
   const auto near_pixel = pixel_at(source, depths.most);
   const auto far_pixel = pixel_at(source, depths.least);
-  int segments = kMaxSegments / 2;
+  int segments = options_.max_segments / 2;
   if (near_pixel && far_pixel) {
     const double length = (*near_pixel - *far_pixel).norm() / (1 << source.level);
-    segments = std::clamp(static_cast<int>(std::ceil(length / kSegmentLength)), 1, kMaxSegments);
+    segments =
+        std::clamp(static_cast<int>(std::ceil(length / options_.segment_length)), 1, options_.max_segments);
   }
   const double step = (depths.most - depths.least) / segments;
   auto begin = far_pixel;
@@ -121,12 +115,12 @@ void EpipolarSearch::search_segment(const PointSource& source, double inverse_de
   const int level = view->level;
   const GrayView image = partner_.images->level(level);
   mark_strip({to_level(begin.x(), level), to_level(begin.y(), level)},
-             {to_level(end.x(), level), to_level(end.y(), level)}, image, &runs_);
+             {to_level(end.x(), level), to_level(end.y(), level)}, image, options_.line_distance, &runs_);
   alike_.clear();
   if (const BoxSums* sums = sums_at(level)) {
-    search_zmssd(patch_, image, *sums, runs_, kUniqueRatio, &limit_, &alike_);
+    search_zmssd(patch_, image, *sums, runs_, options_.unique_ratio, &limit_, &alike_);
   } else {
-    search_zmssd(patch_, image, runs_, kUniqueRatio, &limit_, &alike_);
+    search_zmssd(patch_, image, runs_, options_.unique_ratio, &limit_, &alike_);
   }
   for (const PatchMatch& m : alike_) {
     const Eigen::Vector2f pixel(from_level(m.corner.x, level), from_level(m.corner.y, level));
@@ -140,7 +134,7 @@ const BoxSums* EpipolarSearch::sums_at(int level) {
   if (sums) return &*sums;
   for (const PixelRun& run : runs_) windows += std::max(0, run.last - run.first + 1);
   const GrayView image = partner_.images->level(level);
-  if (windows < image.width * image.height / kPixelsPerWindow) return nullptr;
+  if (windows < image.width * image.height / options_.pixels_per_window) return nullptr;
   return &sums.emplace(image);
 }
 
@@ -149,10 +143,10 @@ const EpipolarSearch::LineMatch* EpipolarSearch::unique_best() const {
       std::min_element(matches_.begin(), matches_.end(),
                        [](const LineMatch& a, const LineMatch& b) { return a.zmssd < b.zmssd; });
   if (best == matches_.end()) return nullptr;
-  const float apart = kUniqueDistance * static_cast<float>(1 << best->level);
+  const float apart = options_.unique_distance * static_cast<float>(1 << best->level);
   for (const LineMatch& rival : matches_) {
     if ((rival.pixel - best->pixel).norm() > apart &&
-        static_cast<float>(best->zmssd) > kUniqueRatio * static_cast<float>(rival.zmssd))
+        static_cast<float>(best->zmssd) > options_.unique_ratio * static_cast<float>(rival.zmssd))
       return nullptr;
   }
   return &*best;
@@ -172,10 +166,10 @@ std::optional<NewPoint> EpipolarSearch::triangulate_match(const PointSource& sou
   if (!in_source || !in_partner) return std::nullopt;
   const double source_sigma = 1 << source.level;
   const double partner_sigma = 1 << found.level;
-  if ((*in_source - corner).squaredNorm() > kMaxSquaredResidual * source_sigma * source_sigma)
+  if ((*in_source - corner).squaredNorm() > options_.max_squared_residual * source_sigma * source_sigma)
     return std::nullopt;
   if ((*in_partner - found.pixel.cast<double>()).squaredNorm() >
-      kMaxSquaredResidual * partner_sigma * partner_sigma) {
+      options_.max_squared_residual * partner_sigma * partner_sigma) {
     return std::nullopt;
   }
   return NewPoint{*point, found};

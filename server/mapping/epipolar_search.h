@@ -6,13 +6,11 @@
 #include <vector>
 
 #include "common/image/box_sums.h"
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/patch_view.h"
 
 /// A corner of one keyframe looked for in another, along the line that its ray draws there.
 namespace cairn {
-
-/// [rad] 1 degree: below, the depth from two views is noise (0.3 px at f 525 is 3 % of it).
-constexpr double kMinParallax = 0.0175;
 
 /// A candidate for a point: where it is, and where another keyframe shows it.
 struct NewPoint {
@@ -29,7 +27,9 @@ struct InverseDepths {
 /// The search for corners of one keyframe in one partner. Both outlive it and keep their places.
 class EpipolarSearch {
  public:
-  EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax = kMinParallax);
+  /// `min_parallax` [rad] of a point.
+  EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax,
+                 const EpipolarOptions& options);
 
   /// At the depths that the keyframe sees: unique along the line, triangulated, at so much parallax [rad] or
   /// more, and reprojected to within a sigma in both.
@@ -63,6 +63,7 @@ class EpipolarSearch {
   [[nodiscard]] std::optional<NewPoint> triangulate_match(const PointSource& source,
                                                           const PatchFound& found) const;
 
+  EpipolarOptions options_;
   const MapKeyframe& partner_;
   const Camera& source_camera_;
   SE3 partner_from_source_;

@@ -17,15 +17,6 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMinMeasurements = 20;  ///< good ones
-constexpr double kSameDirection =
-    0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
-constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
-constexpr double kFewKnown = 0.6;       ///< of the reference keyframe's measurements: fewer count as new area
-constexpr float kChainedRadius = 8;     ///< [search-level px] a step of a chain is off by less
-constexpr double kChainedShare = 0.3;   ///< of the points in sight: a good frame, as the tracker has it
-constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker's measurement
-
 struct Judged {
   SE3 camera_from_map;
   size_t measured = 0;  ///< points of the map, inliers or not
@@ -84,7 +75,7 @@ struct Nearest {
   double same_direction = std::numeric_limits<double>::infinity();
 };
 
-Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
+Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map, double same_direction) {
   Nearest nearest;
   const Eigen::Vector3d center = camera_from_map.center();
   const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
@@ -93,7 +84,7 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
     const double distance = (k.camera_from_map.center() - center).norm();
     nearest.any = std::min(nearest.any, distance);
     const Eigen::Vector3d other_axis = k.camera_from_map.rotation_matrix().row(2);
-    if (axis.dot(other_axis) > kSameDirection)
+    if (axis.dot(other_axis) > same_direction)
       nearest.same_direction = std::min(nearest.same_direction, distance);
   }
   return nearest;
@@ -121,7 +112,7 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
 /// A frame that was tracked while the map could not grow was not measured in what the map has become since.
 /// How many points the map expects in it.
 size_t add_what_is_expected(const MapState& map, const std::shared_ptr<const KeyframeImages>& images,
-                            KeyframeInput* input) {
+                            const MapMakerOptions& options, KeyframeInput* input) {
   MapKeyframe frame;
   frame.camera = input->camera;
   frame.camera_from_map = input->camera_from_reference * map.keyframe(input->reference).camera_from_map;
@@ -129,11 +120,12 @@ size_t add_what_is_expected(const MapState& map, const std::shared_ptr<const Key
   size_t expected = 0;
   for (const PointId id : map.live_point_ids()) {
     const MapPoint& point = map.point(id);
-    if (!should_see(map, point, frame.camera_from_map.center())) continue;
+    if (!should_see(map, point, frame.camera_from_map.center(), options.refind.visible_cosine)) continue;
     const auto view = view_point(map, point, frame);
     if (!view) continue;
     ++expected;
-    const auto found = find_near_corner(*point.source, *view, *frame.images, kChainedRadius);
+    const auto found =
+        find_near_corner(*point.source, *view, *frame.images, options.integration.chained_radius);
     if (found) input->measurements.push_back({id, found->level, found->pixel});
   }
   return expected;
@@ -150,19 +142,21 @@ std::string describe_distance(double distance, double needed) {
 /// second where they are not there.
 std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const KeyframeInput& input,
                                                      const Judged& judged, const KeyframeSpacing& spacing,
+                                                     const IntegrationOptions& options,
                                                      std::shared_ptr<const KeyframeImages>* images) {
   const Eigen::Vector3d center = judged.camera_from_map.center();
   if (input.extent && !contains(*input.extent, center))
     return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
   const double needed = spacing.min_distance_over_depth * judged.mean_depth;
-  const Nearest nearest = nearest_keyframes(map, judged.camera_from_map);
+  const Nearest nearest = nearest_keyframes(map, judged.camera_from_map, options.same_direction);
   const bool widens = widens_map(map, judged.camera_from_map, judged.mean_depth);
-  if (!widens && nearest.any < kNewAreaDistance * needed)
-    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
+  if (!widens && nearest.any < options.new_area_distance * needed)
+    return refuse(KeyframeVerdict::kTooClose,
+                  describe_distance(nearest.any, options.new_area_distance * needed));
   if (!*images) *images = prepare_images(input.image->view(), input.still);
   const bool knows_little =
       static_cast<double>(judged.inliers.size()) <
-      kFewKnown * static_cast<double>(map.keyframe(input.reference).measurements.size());
+      options.few_known * static_cast<double>(map.keyframe(input.reference).measurements.size());
   if (!widens && nearest.same_direction < needed && !knows_little &&
       unknown_fraction(**images, judged.inliers) < KnownArea::kNewAreaFraction)
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
@@ -172,13 +166,14 @@ std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const 
 /// Those of the measurements that the keyframe's own image bears out: it shows what the map has there. The
 /// tracker measures to a pixel where that is enough for it; here they are refined.
 std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyframe& keyframe,
-                                            const std::vector<PointMeasurement>& measurements) {
+                                            const std::vector<PointMeasurement>& measurements,
+                                            float max_refinement) {
   std::vector<Measurement> shown;
   for (const PointMeasurement& m : measurements) {
     const MapPoint& point = map.point(m.id);
     const auto view = view_point(map, point, keyframe);
     if (!view) continue;
-    const auto found = refine_from(*point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
+    const auto found = refine_from(*point.source, *view, *keyframe.images, m.pixel, max_refinement);
     if (found) shown.push_back({m.id, found->level, found->pixel});
   }
   return shown;
@@ -187,20 +182,20 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
 /// The robust pose takes the scatter of the measurements themselves for its measure: half of any heap of them
 /// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
 /// being calibrated. What the image shows is one.
-std::string not_of_this_map(size_t shown, size_t measured) {
+std::string not_of_this_map(size_t shown, size_t measured, size_t needed) {
   return "its image shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
-         " points of the map that were measured in it, " + std::to_string(kMinMeasurements) +
+         " points of the map that were measured in it, " + std::to_string(needed) +
          " needed: it was measured in another map, or in another state of this one";
 }
 
-KeyframeDecision too_few_points(const std::optional<Judged>& judged) {
+KeyframeDecision too_few_points(const std::optional<Judged>& judged, size_t needed) {
   return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
                                                     " good measurements of map points, " +
-                                                    std::to_string(kMinMeasurements) + " needed");
+                                                    std::to_string(needed) + " needed");
 }
 
-bool has_enough_points(const std::optional<Judged>& judged) {
-  return judged && judged->inliers.size() >= kMinMeasurements;
+bool has_enough_points(const std::optional<Judged>& judged, size_t needed) {
+  return judged && judged->inliers.size() >= needed;
 }
 
 KeyframeDecision damaged(const Status& image) {
@@ -231,14 +226,15 @@ void polish_pose(MapState* map, KeyframeId id) {
 }  // namespace
 
 KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth) {
-  // A start at very little or very much parallax would make far too many keyframes, or too few.
-  constexpr double kLeast = 0.04;
-  constexpr double kMost = 0.12;
-  return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
+  const IntegrationOptions& limits = options.integration;
+  return {options.min_keyframe_distance *
+          std::clamp(options.baseline / first_mean_depth, limits.least_spacing, limits.most_spacing)};
 }
 
 KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
-                                    const KeyframeSpacing& spacing, const DecodeImage& decode) {
+                                    const KeyframeSpacing& spacing, const DecodeImage& decode,
+                                    const MapMakerOptions& options) {
+  const IntegrationOptions& limits = options.integration;
   KeyframeInput input = offered;
   if (!input.camera || !input.camera_from_reference.is_finite())
     return refuse(KeyframeVerdict::kDamaged, "camera or pose do not make a frame");
@@ -249,17 +245,19 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (input.is_chained) {  // its image shows more points than were measured
     if (Status taken = take_image(decode, &input); !taken) return damaged(taken);
     images = prepare_images(input.image->view(), input.still);
-    expected = add_what_is_expected(*map, images, &input);
+    expected = add_what_is_expected(*map, images, options, &input);
   }
   const auto judged = reoptimize(*map, input);
-  if (!has_enough_points(judged)) return too_few_points(judged);
+  if (!has_enough_points(judged, limits.min_measurements))
+    return too_few_points(judged, limits.min_measurements);
   if (Status taken = take_image(decode, &input); !taken) return damaged(taken);
-  if (static_cast<double>(judged->inliers.size()) < kChainedShare * static_cast<double>(expected)) {
+  if (static_cast<double>(judged->inliers.size()) < limits.chained_share * static_cast<double>(expected)) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged->inliers.size()) + " of the " +
                                                       std::to_string(expected) +
                                                       " points that the map expects in it were found");
   }
-  if (auto refused = refuse_for_its_place(*map, input, *judged, spacing, &images)) return std::move(*refused);
+  if (auto refused = refuse_for_its_place(*map, input, *judged, spacing, limits, &images))
+    return std::move(*refused);
 
   MapKeyframe keyframe;
   keyframe.reference = input.reference;
@@ -270,12 +268,14 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   keyframe.up = input.up;
   keyframe.images = std::move(images);
   keyframe.mean_depth = judged->mean_depth;
-  const std::vector<Measurement> shown = shown_measurements(*map, keyframe, judged->inliers);
-  if (shown.size() < kMinMeasurements)
-    return refuse(KeyframeVerdict::kTooFewPoints, not_of_this_map(shown.size(), judged->measured));
+  const std::vector<Measurement> shown =
+      shown_measurements(*map, keyframe, judged->inliers, limits.max_refinement);
+  if (shown.size() < limits.min_measurements)
+    return refuse(KeyframeVerdict::kTooFewPoints,
+                  not_of_this_map(shown.size(), judged->measured, limits.min_measurements));
   const KeyframeId id = map->add_keyframe(std::move(keyframe));
   add_measurements(map, id, shown);
-  refind_all(map, id);
+  refind_all(map, id, options.refind);
   polish_pose(map, id);
   map->update_depths(id);
   return {KeyframeVerdict::kAccepted, {}, id};

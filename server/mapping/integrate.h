@@ -17,6 +17,7 @@ struct KeyframeSpacing {
 /// measurements, refined to sub-pixel, and with every other point of the map that is found in it. What is
 /// refused for its reference or its measurements needs no image: `decode` is not asked for it then.
 [[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
-                                                  const KeyframeSpacing& spacing, const DecodeImage& decode);
+                                                  const KeyframeSpacing& spacing, const DecodeImage& decode,
+                                                  const MapMakerOptions& options);
 
 }  // namespace cairn

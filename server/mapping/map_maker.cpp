@@ -22,7 +22,6 @@ namespace cairn {
 namespace {
 
 constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // PTAM r114
-constexpr int kRefindsPerPoll = 200;
 
 /// The finest level has most candidates by far; it may not use up what the levels after it need.
 int level_budget(int level, int remaining) {
@@ -85,11 +84,13 @@ StepReport MapMaker::State::make_points(const std::function<bool()>& should_yiel
   PendingKeyframe& pending = wanting_points.front();
   while (pending.next_level < kLevelOrder.size()) {
     const int level = kLevelOrder[pending.next_level];
-    NewPointsOptions limits;
+    NewPointsLimits limits;
+    limits.min_parallax = options.new_points.min_parallax;
     limits.max_points = level_budget(level, options.max_points_per_keyframe - pending.made);
     limits.first_candidate = pending.next_candidate;
     limits.extent = pending.extent;
-    const NewPoints result = make_new_points(&map, pending.id, level, limits, should_yield);
+    const NewPoints result =
+        make_new_points(&map, pending.id, level, limits, options.new_points, should_yield);
     pending.made += static_cast<int>(result.made.size());
     wanting_observers.insert(wanting_observers.end(), result.made.begin(), result.made.end());
     report.changed |= !result.made.empty();
@@ -130,9 +131,9 @@ StepReport MapMaker::State::find_new_in_old(const std::function<bool()>& should_
     const PointId point = wanting_observers.front();
     wanting_observers.pop_front();
     for (size_t i = 0; i < map.keyframes().size(); ++i)
-      report.changed |= refind(&map, KeyframeId{i + 1}, point);
+      report.changed |= refind(&map, KeyframeId{i + 1}, point, options.refind);
     tried += static_cast<int>(map.keyframes().size());
-    if (tried < kRefindsPerPoll) continue;
+    if (tried < options.refind.per_poll) continue;
     tried = 0;
     if (!wanting_observers.empty() && should_yield()) {
       report.finished = false;
@@ -145,8 +146,8 @@ StepReport MapMaker::State::find_new_in_old(const std::function<bool()>& should_
 StepReport MapMaker::State::tidy() {
   StepReport report{.work = MapWork::kCull};
   upkeep_due = false;
-  report.changed = cull_points(&map) > 0;
-  if (const auto redundant = find_redundant_keyframe(map, newest)) {
+  report.changed = cull_points(&map, options.upkeep) > 0;
+  if (const auto redundant = find_redundant_keyframe(map, newest, options.upkeep)) {
     map.remove_keyframe(*redundant);
     report.changed = true;
   }
@@ -227,7 +228,7 @@ KeyframeDecision MapMaker::State::integrate_with_prior(const KeyframeInput& inpu
   int camera = map.camera_index(prior);
   KeyframeInput known = input;
   if (camera >= 0) known.camera = map.cameras()[static_cast<size_t>(camera)].camera;
-  KeyframeDecision decision = integrate_keyframe(&map, known, spacing, decode);
+  KeyframeDecision decision = integrate_keyframe(&map, known, spacing, decode, options);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   if (camera < 0) camera = map.add_camera(input.camera, prior);
   map.keyframe(decision.keyframe).estimated_camera = camera;
@@ -235,7 +236,8 @@ KeyframeDecision MapMaker::State::integrate_with_prior(const KeyframeInput& inpu
 }
 
 int MapMaker::State::take_candidates(KeyframeId keyframe, const KeyframeInput& input) {
-  const std::vector<PointId> made = make_candidate_points(&map, keyframe, input.candidates, input.extent);
+  const std::vector<PointId> made =
+      make_candidate_points(&map, keyframe, input.candidates, input.extent, options);
   if (made.empty()) return 0;
   wanting_observers.insert(wanting_observers.end(), made.begin(), made.end());
   map.update_depths(keyframe);
@@ -246,7 +248,7 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input, const Decode
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
   KeyframeDecision decision = input.prior ? s.integrate_with_prior(input, *input.prior, decode)
-                                          : integrate_keyframe(&s.map, input, s.spacing, decode);
+                                          : integrate_keyframe(&s.map, input, s.spacing, decode, s.options);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back(

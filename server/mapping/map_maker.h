@@ -22,27 +22,12 @@
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
 #include "server/mapping/map_camera.h"
+#include "server/mapping/map_maker_options.h"
 
 /// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.
 /// Pure: no threads, clocks, files or DDS; equal inputs give equal bytes. One writer: a MapMaker is used from
 /// one serial queue at a time.
 namespace cairn {
-
-/// Who minimizes in bundle adjustment: our own solver, or Ceres, several times slower, as an independent
-/// check (README.md).
-enum class Adjuster : uint8_t { kOwn, kCeres };
-
-struct MapMakerOptions {
-  Adjuster adjuster = Adjuster::kOwn;
-  double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (PTAM r114)
-  double min_keyframe_distance =
-      1.0;  ///< in units of baseline / first mean depth, times mean depth (PTAM r114)
-  int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
-  int local_keyframes =
-      4;  ///< nearest keyframes that move in a local adjustment, beside the newest (PTAM r114)
-  size_t max_points = kMaxPoints;  ///< ever made: removed points keep their slot
-  uint64_t seed = 1;
-};
 
 /// Two views of a camera and the trails between them.
 struct SeedInput {

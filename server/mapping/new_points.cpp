@@ -15,17 +15,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kGoodParallax =
-    0.07;  ///< [rad] from here on more does not help, and patches begin to differ
-constexpr double kWideParallax = 0.25;  ///< [rad] from here on patches and occlusions differ too much
-constexpr double kKnownDistance = 10;   ///< [level px] of a candidate from a known measurement (PTAM r114)
-constexpr double kNewDistance = 6;      ///< [level px] between new points of one level
-constexpr float kWitnessRadius = 3.0F;  ///< [level px]
-constexpr double kWitnessCosine =
-    0.9;  ///< a view more oblique against the source's proves nothing by not finding
-constexpr int kOverlapSamples = 60;
-constexpr size_t kCandidatesPerPoll = 64;
-
 /// A raster of what is taken, for thinning in constant time.
 class Occupancy {
  public:
@@ -53,8 +42,9 @@ class Occupancy {
 /// Asks keyframes that should see a new point too. False: at least two should, and none does.
 class Witnesses {
  public:
-  Witnesses(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids)
-      : ids_(std::move(ids)) {
+  Witnesses(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids,
+            const TwoViewPointOptions& options)
+      : options_(options), ids_(std::move(ids)) {
     for (const KeyframeId id : ids_) {
       keyframes_.push_back(&map.keyframe(id));
       from_source_.push_back(keyframes_.back()->camera_from_map * keyframe.camera_from_map.inverse());
@@ -68,28 +58,29 @@ class Witnesses {
     for (size_t i = 0; i < ids_.size(); ++i) {
       if (ids_[i] == partner) continue;
       const Eigen::Vector3d to_witness = (from_source_[i].center() - point.in_source).normalized();
-      if (to_witness.dot(-point.in_source.normalized()) < kWitnessCosine) continue;
+      if (to_witness.dot(-point.in_source.normalized()) < options_.witness_cosine) continue;
       const auto view = view_patch(source, point.in_source, from_source_[i], *keyframes_[i]->camera);
       if (!view || !keyframes_[i]->camera->in_image(view->pixel, 8 << view->level)) continue;
       ++asked;
-      const auto hit = find_near_corner(source, *view, *keyframes_[i]->images, kWitnessRadius);
+      const auto hit = find_near_corner(source, *view, *keyframes_[i]->images, options_.witness_radius);
       if (hit) found->emplace_back(ids_[i], *hit);
     }
     return asked < 2 || !found->empty();
   }
 
  private:
+  const TwoViewPointOptions& options_;
   std::vector<KeyframeId> ids_;
   std::vector<const MapKeyframe*> keyframes_;
   std::vector<SE3> from_source_;
 };
 
-Occupancy known_measurements(const MapKeyframe& keyframe, int level) {
+Occupancy known_measurements(const MapKeyframe& keyframe, int level, double distance) {
   const GrayView image = keyframe.images->level(level);
   Occupancy taken(image.width, image.height);
   for (const Measurement& m : keyframe.measurements) {
     if (m.level != level && m.level != level + 1) continue;
-    taken.take_disc(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level), kKnownDistance);
+    taken.take_disc(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level), distance);
   }
   return taken;
 }
@@ -104,7 +95,7 @@ std::vector<Candidate> strongest_first(std::vector<Candidate> candidates) {
 
 std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& keyframe,
                                       std::span<const Eigen::Vector3d> points, double min_parallax,
-                                      size_t count) {
+                                      size_t count, const TwoViewPointOptions& options) {
   const Eigen::Vector3d center = keyframe.camera_from_map.center();
   std::vector<std::pair<double, KeyframeId>> ranked;
   for (const MapKeyframe& other : map.keyframes()) {
@@ -118,7 +109,7 @@ std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& ke
     if (angles.empty()) continue;
     const double angle = reorder_to_median(std::span(angles));
     if (angle < min_parallax) continue;
-    const double usefulness = std::min({1.0, angle / kGoodParallax, kWideParallax / angle});
+    const double usefulness = std::min({1.0, angle / options.good_parallax, options.wide_parallax / angle});
     ranked.emplace_back(-usefulness * static_cast<double>(angles.size()), other.id);
   }
   std::sort(ranked.begin(), ranked.end());
@@ -130,36 +121,36 @@ std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& ke
 namespace {
 
 /// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
-std::vector<KeyframeId> choose_partners(const MapState& map, const MapKeyframe& keyframe,
-                                        const NewPointsOptions& options) {
+std::vector<KeyframeId> choose_partners(const MapState& map, const MapKeyframe& keyframe, double min_parallax,
+                                        const TwoViewPointOptions& options) {
   const auto count = static_cast<size_t>(options.partners + options.witnesses);
-  const size_t stride = std::max<size_t>(1, keyframe.measurements.size() / kOverlapSamples);
+  const size_t stride = std::max<size_t>(1, keyframe.measurements.size() / options.overlap_samples);
   std::vector<Eigen::Vector3d> points;
   for (size_t i = 0; i < keyframe.measurements.size(); i += stride)
     points.push_back(map.point(keyframe.measurements[i].point).position);
-  return rank_partners(map, keyframe, points, options.min_parallax, count);
+  return rank_partners(map, keyframe, points, min_parallax, count, options);
 }
 
 }  // namespace
 
-NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, const NewPointsOptions& options,
-                          const std::function<bool()>& should_yield) {
+NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, const NewPointsLimits& limits,
+                          const TwoViewPointOptions& options, const std::function<bool()>& should_yield) {
   const MapKeyframe& keyframe = map->keyframe(keyframe_id);
   NewPoints result;
   if (keyframe.near_depth <= 0) return result;
   const SE3 map_from_keyframe = keyframe.camera_from_map.inverse();
-  const std::vector<KeyframeId> others = choose_partners(*map, keyframe, options);
+  const std::vector<KeyframeId> others = choose_partners(*map, keyframe, limits.min_parallax, options);
   std::vector<EpipolarSearch> searches;
   for (size_t i = 0; i < std::min(others.size(), static_cast<size_t>(options.partners)); ++i) {
-    searches.emplace_back(keyframe, map->keyframe(others[i]), options.min_parallax);
+    searches.emplace_back(keyframe, map->keyframe(others[i]), limits.min_parallax, options.epipolar);
   }
-  const Witnesses witnesses(*map, keyframe, others);
-  Occupancy taken = known_measurements(keyframe, level);
+  const Witnesses witnesses(*map, keyframe, others, options);
+  Occupancy taken = known_measurements(keyframe, level, options.known_distance);
   std::vector<std::pair<KeyframeId, PatchFound>> seen_by;
   const std::vector<Candidate> candidates = strongest_first(point_candidates(*keyframe.images, level));
-  for (size_t c = options.first_candidate; c < candidates.size(); ++c) {
-    if (static_cast<int>(result.made.size()) >= options.max_points) break;
-    if (c % kCandidatesPerPoll == kCandidatesPerPoll - 1 && should_yield()) {
+  for (size_t c = limits.first_candidate; c < candidates.size(); ++c) {
+    if (static_cast<int>(result.made.size()) >= limits.max_points) break;
+    if (c % options.candidates_per_poll == options.candidates_per_poll - 1 && should_yield()) {
       result.next_candidate = c;
       result.finished = false;
       break;
@@ -171,10 +162,10 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
     for (size_t i = 0; i < searches.size(); ++i) {
       const auto point = searches[i].find(*source);
       if (!point || !witnesses.confirm(*source, *point, others[i], &seen_by)) continue;
-      if (options.extent && !contains(*options.extent, map_from_keyframe * point->in_source)) break;
+      if (limits.extent && !contains(*limits.extent, map_from_keyframe * point->in_source)) break;
       seen_by.emplace_back(others[i], point->found);
       result.made.push_back(add_point(map, *source, point->in_source, seen_by));
-      taken.take_disc(corner.x, corner.y, kNewDistance);
+      taken.take_disc(corner.x, corner.y, options.new_distance);
       break;
     }
   }

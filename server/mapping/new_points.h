@@ -18,15 +18,15 @@ namespace cairn {
 /// parallax of at least so much [rad] in the median.
 [[nodiscard]] std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& keyframe,
                                                     std::span<const Eigen::Vector3d> points,
-                                                    double min_parallax, size_t count);
+                                                    double min_parallax, size_t count,
+                                                    const TwoViewPointOptions& options);
 
-struct NewPointsOptions {
-  int max_points = 1000;               ///< for this call
-  int partners = 2;                    ///< keyframes searched for each candidate, until one has it
-  int witnesses = 3;                   ///< further keyframes that are asked to confirm a new point
-  double min_parallax = kMinParallax;  ///< [rad]
-  size_t first_candidate = 0;          ///< where an earlier call stopped
-  std::optional<Extent> extent = {};   ///< in which they must be; nothing: everywhere
+/// Of one call.
+struct NewPointsLimits {
+  int max_points = 1000;              ///< for this call
+  double min_parallax = 0;            ///< [rad]
+  size_t first_candidate = 0;         ///< where an earlier call stopped
+  std::optional<Extent> extent = {};  ///< in which they must be; nothing: everywhere
 };
 
 struct NewPoints {
@@ -40,7 +40,7 @@ struct NewPoints {
 /// parallax and, where others should see it too, at least one witness (PTAM 2007, 6.2; PTAM r114).
 /// `should_yield` is polled about every millisecond.
 [[nodiscard]] NewPoints make_new_points(MapState* map, KeyframeId keyframe, int level,
-                                        const NewPointsOptions& options,
+                                        const NewPointsLimits& limits, const TwoViewPointOptions& options,
                                         const std::function<bool()>& should_yield);
 
 }  // namespace cairn

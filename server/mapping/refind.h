@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/map_state.h"
 
 /// Finding known points in keyframes that do not measure them yet.
 namespace cairn {
 
-/// Looks for one point in one keyframe, if it should be visible there: within 4 px of its projection,
+/// Looks for one point in one keyframe, if it should be visible there: within a few px of its projection,
 /// sub-pixel (PTAM r114). Adds the measurement or gives the pair up; counts both on the point. False when the
 /// pair is known, given up or out of view.
-bool refind(MapState* map, KeyframeId keyframe, PointId point);
+bool refind(MapState* map, KeyframeId keyframe, PointId point, const RefindOptions& options);
 
 /// refind() of every live point of the map in a keyframe. Returns how many were found.
-int refind_all(MapState* map, KeyframeId keyframe);
+int refind_all(MapState* map, KeyframeId keyframe, const RefindOptions& options);
 
 /// Whether a point should be visible from a camera: seen from a direction and distance not far from those of
-/// its observers.
+/// its observers (RefindOptions::visible_cosine).
 [[nodiscard]] bool should_see(const MapState& map, const MapPoint& point,
-                              const Eigen::Vector3d& camera_center);
+                              const Eigen::Vector3d& camera_center, double visible_cosine);
 
 }  // namespace cairn

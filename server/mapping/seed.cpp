@@ -18,15 +18,6 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMinSeedPoints = 30;
-constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
-constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
-constexpr double kPlaneInlierDistance = 0.03;  ///< of the mean depth
-constexpr int kPlaneTrials = 200;
-/// The tracker asked its own matches for as much parallax or more, by their noise; re-measured ones differ a
-/// little, and a bare pass there should not fail here.
-constexpr double kParallaxTolerance = 0.8;
-constexpr double kShareOfParallax = 0.5;  ///< of the median: what a further point needs of it
 constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
@@ -67,7 +58,7 @@ Warp warp_of(const Camera& camera, const std::vector<Trail>& trails) {
 
 /// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
 std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first,
-                                     const MapKeyframe& second) {
+                                     const MapKeyframe& second, float trail_shift) {
   PatchView view;
   view.warp = warp_of(*input.camera, input.trails);
   std::vector<SeedMatch> matches;
@@ -82,7 +73,7 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
     if (!source) continue;
     const Eigen::Vector2f from_corner = Eigen::Vector2f(m.corner.x, m.corner.y) - trail.first;
     const auto refined =
-        refine_from(*source, view, *second.images, trail.second + view.warp * from_corner, kTrailShift);
+        refine_from(*source, view, *second.images, trail.second + view.warp * from_corner, trail_shift);
     if (refined) m.match = {{m.corner.x, m.corner.y}, refined->pixel.cast<double>()};
     matches.push_back(m);
   }
@@ -91,7 +82,7 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
 
 /// A point for each inlier whose patch is found where the geometry puts it.
 void add_trail_points(const std::vector<SeedMatch>& matches, const TwoViewGeometry& geometry, double baseline,
-                      KeyframeId first, KeyframeId second, SeededMap* seeded) {
+                      KeyframeId first, KeyframeId second, float trail_shift, SeededMap* seeded) {
   MapState& map = seeded->map;
   const MapKeyframe& b = map.keyframe(second);
   for (size_t i = 0; i < matches.size(); ++i) {
@@ -101,7 +92,7 @@ void add_trail_points(const std::vector<SeedMatch>& matches, const TwoViewGeomet
     const Eigen::Vector3d point = geometry.points[i] * baseline;
     const auto view = view_patch(*source, point, b.camera_from_map, *b.camera);
     if (!view) continue;
-    const auto found = refine_from(*source, *view, *b.images, matches[i].match.b.cast<float>(), kTrailShift);
+    const auto found = refine_from(*source, *view, *b.images, matches[i].match.b.cast<float>(), trail_shift);
     if (!found) continue;
     const PointId id = map.add_point(*source, point);
     const Eigen::Vector2f corner(matches[i].corner.x, matches[i].corner.y);
@@ -125,14 +116,15 @@ void scale_baseline(MapState* map, KeyframeId first, KeyframeId second, double b
   map->transform({scale, Eigen::Quaterniond::Identity(), a * (1 - scale)});
 }
 
-bool align_plane(MapState* map, KeyframeId first, uint64_t seed) {
+bool align_plane(MapState* map, KeyframeId first, const MapMakerOptions& options) {
   std::vector<Eigen::Vector3d> points;
   for (const MapPoint& p : map->points()) {
     if (p.live) points.push_back(p.position);
   }
   const MapKeyframe& k = map->keyframe(first);
-  const auto fit = fit_dominant_plane(points, k.camera_from_map.center(), kPlaneInlierDistance * k.mean_depth,
-                                      kPlaneTrials, seed);
+  const auto fit =
+      fit_dominant_plane(points, k.camera_from_map.center(), options.start.plane_distance * k.mean_depth,
+                         options.start.plane_trials, options.seed);
   if (fit) map->transform(Similarity3(fit->plane_from_map));
   return fit.has_value();
 }
@@ -152,9 +144,9 @@ MapKeyframe make_keyframe(const SeedInput& input, int estimated_camera, const Gr
   return k;
 }
 
-tl::unexpected<Error> too_few(size_t points) {
+tl::unexpected<Error> too_few(size_t points, size_t needed) {
   return fail(ErrorCode::kDegenerate, "too few points: " + std::to_string(points) +
-                                          " of the trails make a point, " + std::to_string(kMinSeedPoints) +
+                                          " of the trails make a point, " + std::to_string(needed) +
                                           " needed");
 }
 
@@ -172,13 +164,14 @@ void add_keyframes(const SeedInput& input, SeededMap* seeded) {
 }
 
 /// The points of the matches if the tracker's motion holds for them.
-Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<SeedMatch>& trails) {
+Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<SeedMatch>& trails,
+                                     const StartOptions& options) {
   std::vector<PixelMatch> matches;
   matches.reserve(trails.size());
   for (const SeedMatch& m : trails) matches.push_back(m.match);
-  if (matches.size() < kMinSeedPoints) return too_few(matches.size());
+  if (matches.size() < options.min_points) return too_few(matches.size(), options.min_points);
   TwoViewCriteria criteria;
-  criteria.min_median_parallax = kParallaxTolerance * kLeastMapParallax;
+  criteria.min_median_parallax = options.parallax_tolerance * kLeastMapParallax;
   auto geometry = build_two_view(*input.camera, *input.camera, matches, input.second_from_first, criteria);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   return *std::move(geometry);
@@ -195,13 +188,15 @@ Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& opt
   MapState& map = seeded->map;
   const KeyframeId first = seeded->result.first_keyframe;
   const KeyframeId second = seeded->result.second_keyframe;
-  const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));
-  const auto geometry = check_motion(input, trails);
+  const std::vector<SeedMatch> trails =
+      usable_trails(input, map.keyframe(first), map.keyframe(second), options.start.trail_shift);
+  const auto geometry = check_motion(input, trails, options.start);
   if (!geometry) return tl::unexpected(geometry.error());
   map.keyframe(second).camera_from_map =
       SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);
-  add_trail_points(trails, *geometry, options.baseline, first, second, seeded);
-  if (seeded->result.points.size() < kMinSeedPoints) return too_few(seeded->result.points.size());
+  add_trail_points(trails, *geometry, options.baseline, first, second, options.start.trail_shift, seeded);
+  if (seeded->result.points.size() < options.start.min_points)
+    return too_few(seeded->result.points.size(), options.start.min_points);
   update_all_depths(&map);
   if (auto status = adjust(&map, options.adjuster); !status) return tl::unexpected(status.error());
   return geometry->median_parallax;
@@ -211,24 +206,28 @@ Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& opt
 /// they have no more: without points of the large levels, a tracker finds half of the map.
 Status fill_in_points(const MapMakerOptions& options, double median_parallax, SeededMap* seeded) {
   MapState& map = seeded->map;
-  NewPointsOptions new_points;
+  NewPointsLimits new_points;
+  new_points.min_parallax = options.new_points.min_parallax;
   new_points.max_points = options.max_points_per_keyframe / 2;
   if (median_parallax < TwoViewCriteria{}.min_median_parallax)
-    new_points.min_parallax = std::min(new_points.min_parallax, kShareOfParallax * median_parallax);
+    new_points.min_parallax =
+        std::min(new_points.min_parallax, options.start.share_of_parallax * median_parallax);
   for (const int level : kSeedLevelOrder) {
-    (void)make_new_points(&map, seeded->result.second_keyframe, level, new_points, [] { return false; });
+    (void)make_new_points(&map, seeded->result.second_keyframe, level, new_points, options.new_points,
+                          [] { return false; });
   }
   if (auto status = adjust(&map, options.adjuster); !status) return status;
-  if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
-  if (const double rms = whitened_rms(map); rms > kMaxRms) {
+  if (map.live_points() < options.start.min_points)
+    return too_few(map.live_points(), options.start.min_points);
+  if (const double rms = whitened_rms(map); rms > options.start.max_rms) {
     return fail(ErrorCode::kDegenerate,
                 fmt::format("the two views do not fit: {:.1f} sigma after adjustment, at most {:.1f} allowed",
-                            rms, kMaxRms));
+                            rms, options.start.max_rms));
   }
   return {};
 }
 
-Status keep_within(const Extent& extent, MapState* map) {
+Status keep_within(const Extent& extent, size_t min_points, MapState* map) {
   for (const MapKeyframe& k : map->keyframes()) {
     if (const Eigen::Vector3d center = k.camera_from_map.center(); !contains(extent, center))
       return fail(ErrorCode::kRefused, outside(extent, center));
@@ -236,14 +235,14 @@ Status keep_within(const Extent& extent, MapState* map) {
   for (const PointId id : std::vector<PointId>(map->live_point_ids())) {
     if (!contains(extent, map->point(id).position)) map->remove_point(id);
   }
-  if (map->live_points() >= kMinSeedPoints) {
+  if (map->live_points() >= min_points) {
     update_all_depths(map);
     return {};
   }
   return fail(ErrorCode::kRefused,
               fmt::format("{} of its points are where this client may let the map grow, {}; "
                           "{} are needed",
-                          map->live_points(), describe(extent), kMinSeedPoints));
+                          map->live_points(), describe(extent), min_points));
 }
 
 }  // namespace
@@ -260,11 +259,12 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   MapState& map = seeded.map;
   SeedResult& result = seeded.result;
   scale_baseline(&map, result.first_keyframe, result.second_keyframe, options.baseline);
-  result.plane_aligned = align_plane(&map, result.first_keyframe, options.seed);
+  result.plane_aligned = align_plane(&map, result.first_keyframe, options);
   if (!result.plane_aligned) stand_upright(result.second_keyframe, &map);
   update_all_depths(&map);
   if (input.extent) {
-    if (auto status = keep_within(*input.extent, &map); !status) return tl::unexpected(status.error());
+    if (auto status = keep_within(*input.extent, options.start.min_points, &map); !status)
+      return tl::unexpected(status.error());
   }
   std::erase_if(result.points, [&map](const auto& p) { return !map.is_live(p.second); });
   return seeded;
