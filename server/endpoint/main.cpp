@@ -58,8 +58,8 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.profile = options.profile;
   service.security = options.security;
   service.seed = options.seed;
-  service.mapping.adjuster = options.adjuster;
-  service.relocalization.method = options.relocalizer;
+  service.mapping = options.mapping;
+  service.relocalization = options.relocalization;
   service.max_maps = options.max_maps;
   service.max_maps_per_client = options.max_maps_per_client;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;

@@ -23,9 +23,9 @@ struct ServerOptions {
   int domain = 0;
   std::string listen;  ///< interface or address; empty: by profile
   std::string profile = "loopback";
-  uint64_t seed = 0;  ///< 0: ids are random
-  Adjuster adjuster = Adjuster::kOwn;
-  RelocMethod relocalizer = RelocMethod::kImproved;
+  uint64_t seed = 0;            ///< 0: ids are random
+  MapMakerOptions mapping;      ///< --adjuster, and the constants of a configuration file
+  RelocOptions relocalization;  ///< --relocalizer, likewise
   size_t max_maps = 1000;
   size_t max_maps_per_client = MapServiceOptions().max_maps_per_client;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
@@ -50,7 +50,8 @@ struct EarlyExit {
   std::string text;
 };
 
-/// Reads `arguments` (without the program's name). Unknown options and keys are refused with the nearest
+/// Reads `arguments` (without the program's name) and the file that --config names. With --print-config the
+/// exit is the configuration so resolved, on stdout. Unknown options and keys are refused with the nearest
 /// valid one named; what the contract has and this version not is refused only when used.
 [[nodiscard]] std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments);
 

@@ -132,11 +132,12 @@ TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
 }
 
 TEST_F(ServerOptionsTest, TheRelocalizerIsChosen) {
-  EXPECT_EQ(accepted({}).relocalizer, RelocMethod::kImproved);
-  EXPECT_EQ(accepted({"--relocalizer", "paper"}).relocalizer, RelocMethod::kPaper);
+  EXPECT_EQ(accepted({}).relocalization.method, RelocMethod::kImproved);
+  EXPECT_EQ(accepted({"--relocalizer", "paper"}).relocalization.method, RelocMethod::kPaper);
   const auto path = configuration("relocalizer: paper\n");
-  EXPECT_EQ(accepted({"--config", path}).relocalizer, RelocMethod::kPaper);
-  EXPECT_EQ(accepted({"--config", path, "--relocalizer=improved"}).relocalizer, RelocMethod::kImproved);
+  EXPECT_EQ(accepted({"--config", path}).relocalization.method, RelocMethod::kPaper);
+  EXPECT_EQ(accepted({"--config", path, "--relocalizer=improved"}).relocalization.method,
+            RelocMethod::kImproved);
   EXPECT_THAT(refused({"--relocalizer", "2008"}).text, HasSubstr("improved or paper"));
 }
 
@@ -170,6 +171,45 @@ TEST_F(ServerOptionsTest, MistakesInTheFileNameLineAndRemedy) {
   EXPECT_EQ(refused({"--config", configuration("seed: 1\nseed: 2\n")}).code, 3);
   EXPECT_EQ(refused({"--config", path_ + ".missing"}).code, 3);
   EXPECT_EQ(accepted({"--config", configuration("")}).domain, 0);
+}
+
+TEST_F(ServerOptionsTest, WhatPrintConfigTellsIsReadAsTheSame) {
+  const std::string constants = configuration(
+      "relocalization:\n  same_pose: 0.123456789\n  confirm:\n    by_few: {evidence: 0.7}\nmap_maker: "
+      "{baseline: 0.25}\n");
+  const std::vector<std::vector<std::string>> lines = {
+      {},
+      {"--domain=9", "--seed", "12345678901234567890", "--lockstep=refuse", "--store", "a b#c",
+       "--max-memory=7", "--relocalizer", "paper", "--adjuster", "ceres", "--keyframe-rate", "0.1",
+       "--keep-deleted", "3"},
+      {"--config", constants, "--profile", "wifi"}};
+  for (auto line : lines) {
+    line.emplace_back("--print-config");
+    const EarlyExit printed = refused(line);
+    ASSERT_EQ(printed.code, 0) << printed.text;
+    EXPECT_THAT(printed.text, HasSubstr("by_few:")) << "the constants, too";
+    EXPECT_EQ(refused({"--config", configuration(printed.text), "--print-config"}).text, printed.text);
+  }
+}
+
+TEST_F(ServerOptionsTest, AFileSetsConstantsOfTheEngines) {
+  const auto path = configuration(
+      "relocalization:\n  confirm:\n    by_few: {evidence: 0.7}\nmap_maker:\n  max_points_per_keyframe: "
+      "500\n");
+  const ServerOptions options = accepted({"--config", path});
+  EXPECT_EQ(options.relocalization.confirm.by_few.evidence, 0.7);
+  EXPECT_EQ(options.relocalization.confirm.by_few.similarity, ConfirmOptions().by_few.similarity);
+  EXPECT_EQ(options.mapping.max_points_per_keyframe, 500);
+  EXPECT_THAT(refused({"--config", configuration("relocalization:\n  confirm: {by_fwe: {}}\n")}).text,
+              HasSubstr(":2: unknown key 'by_fwe'; did you mean by_few?"));
+  const EarlyExit beyond = refused({"--config", configuration("relocalization:\n  shortlist: 0\n")});
+  EXPECT_EQ(beyond.code, 3);
+  EXPECT_THAT(beyond.text, HasSubstr("shortlist is 0: expected 1 to"));
+}
+
+TEST_F(ServerOptionsTest, EnginesHaveDefaultsInTheirRanges) {
+  EXPECT_TRUE(check_options(MapMakerOptions()));
+  EXPECT_TRUE(check_options(RelocOptions()));
 }
 
 TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {

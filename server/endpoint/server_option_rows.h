@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "server/endpoint/server_options.h"
+
+namespace cairn {
+
+/// A long option of cairn-server that takes a value, which may also stand in the configuration file.
+struct ServerOptionRow {
+  const char* name;
+  const char* type;
+  const char* help;
+  /// What a value must be, for the complaint.
+  const char* expected;
+  /// False: the text is no such value, and `options` is as it was. Null: not available yet.
+  bool (*read)(const std::string& text, ServerOptions* options);
+  /// The value as text that read() takes; empty: none.
+  std::string (*write)(const ServerOptions& options);
+};
+
+/// In the order of --help.
+[[nodiscard]] std::span<const ServerOptionRow> server_option_rows();
+
+}  // namespace cairn
