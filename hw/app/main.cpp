@@ -146,6 +146,10 @@ int run(int argc, char** argv) {
     if (!name) return complain({name.error().code, "--security " + name.error().message});
     configuration->name = *std::move(name);
   }
+  if (options.prints_config) {
+    std::fputs(write_rig_configuration(*configuration).c_str(), stdout);
+    return 0;
+  }
   sigset_t signals = block_ending_signals();  // before any thread
   sigaddset(&signals, SIGUSR1);               // the emergency stop, which ends no process
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);

@@ -39,18 +39,20 @@ std::string check_name(const std::string& text) {
   return is_valid_name(text) ? "" : "'" + text + "': expected 1 to 32 of a-z, 0-9 and -";
 }
 
-/// What all tasks need. The interface, where it is given.
-CLI::Option* add_bus_options(CLI::App* app, RigOptions* options) {
-  auto* can = app->add_option("--can", options->can,
-                              "interface of the bus, can0 say; fd:N is an end of a pair of sockets that the "
-                              "process was started with")
-                  ->type_name("IFACE");
+/// What all tasks need.
+void add_bus_options(CLI::App* app, RigOptions* options) {
+  app->add_option("--can", options->can,
+                  "interface of the bus, can0 say; needed where devices are not simulated; fd:N is an end of "
+                  "a pair of sockets that the "
+                  "process was started with")
+      ->type_name("IFACE");
   app->add_option("--config", options->config, "what the rig is, YAML")->type_name("FILE")->required();
+  app->add_flag("--print-config", options->prints_config,
+                "prints the rig as --config reads it, with --name and defaults, and ends");
   app->add_option("--time-scale", options->time_scale,
                   "a second of the rig takes so many: for simulated devices on a slow machine")
       ->check(CLI::Range(1, kMostTimeScale))
       ->capture_default_str();
-  return can;
 }
 
 struct Loudness {
@@ -85,7 +87,7 @@ void describe(CLI::App* app, RigOptions* options) {
   CLI::App* doctor = app->add_subcommand(
       "doctor", "bring-up step by step: interface, bus, drives, IMU; it listens, nothing moves");
   doctor->callback([options] { options->task = RigTask::kDoctor; });
-  add_bus_options(doctor, options)->required();
+  add_bus_options(doctor, options);
   CLI::App* simulate = app->add_subcommand(
       "simulate",
       "drives and IMU as nodes of the bus, on a wearer who walks; what happens to them is told on stdout. "
@@ -102,7 +104,7 @@ void describe(CLI::App* app, RigOptions* options) {
       "finds how camera and IMU sit on the head and what lies between their clocks, with the map of the "
       "camera's tracker (cairn-track --rig), and writes it into FILE; the axes move");
   calibrate->callback([options] { options->task = RigTask::kCalibrate; });
-  add_bus_options(calibrate, options)->required();
+  add_bus_options(calibrate, options);
   calibrate->add_flag("--yes", options->agreed, "the axes may move: do not ask");
 }
 
@@ -127,11 +129,13 @@ std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* arg
   if (task == "calibrate" || task == "simulate") {
     add_network_options(app.get_subcommand(task), &options, &words);
   } else if (task != "doctor") {
-    add_bus_options(&app, &options)->required();
+    add_bus_options(&app, &options);
     add_network_options(&app, &options, &words);
   }
   try {
     app.parse(argc, argv);
+    const bool needs_bus = options.task != RigTask::kSimulate && !options.prints_config;
+    if (needs_bus && options.can.empty()) throw CLI::RequiredError("--can");
   } catch (const CLI::ParseError& error) {
     return end_of_parse(app, error);
   }

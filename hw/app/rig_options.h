@@ -16,10 +16,11 @@ enum class RigTask : uint8_t { kRun, kDoctor, kSimulate, kCalibrate };
 /// The words of `cairn-rig`, checked.
 struct RigOptions {
   RigTask task = RigTask::kRun;
-  std::string can;     ///< interface; empty: none, devices and rig in one process
-  std::string config;  ///< file
-  std::string camera;  ///< of simulated devices: socket that tells where it is; empty: none
-  std::string name;    ///< empty: that of the keys, or of the file
+  std::string can;             ///< interface; empty: none, devices and rig in one process
+  std::string config;          ///< file
+  bool prints_config = false;  ///< the rig that the file describes is printed, and nothing else is done
+  std::string camera;          ///< of simulated devices: socket that tells where it is; empty: none
+  std::string name;            ///< empty: that of the keys, or of the file
   wire::ParticipantOptions network;
   std::vector<TimedFault> faults;
   uint32_t seed = 1;

@@ -68,5 +68,7 @@ struct RigConfiguration {
 /// From YAML; shoulder.yaml lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for an unknown,
 /// missing or repeated key, a number that is none, and whatever no rig can be.
 [[nodiscard]] Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& path);
+/// YAML from which the same is read, with the defaults of optional keys.
+[[nodiscard]] std::string write_rig_configuration(const RigConfiguration& rig);
 
 }  // namespace cairn

@@ -70,6 +70,29 @@ TEST(RigConfiguration, ARigMayHaveNoImu) {
   EXPECT_FALSE(rig->imu);
 }
 
+TEST(RigConfiguration, WhatIsWrittenIsReadAsTheSame) {
+  const std::string straight = "calibration: {camera: [0, 0, 0], imu: [0, 0, 0]}\naxes:";
+  const std::string turned = "calibration: {imu: [90, 0.125, -3], offset: -2.5}\naxes:";
+  for (const std::string& text :
+       {std::string(testing::kRigText), testing::walking_rig(), changed("axes:", straight),
+        changed("axes:", turned), changed("imu: {rate: 100}\n", ""), changed("gear: 20", "gear: -13.37")}) {
+    const auto rig = read_rig(text);
+    ASSERT_TRUE(rig) << rig.error().message;
+    const std::string written = write_rig_configuration(*rig);
+    const auto again = read_rig(written);
+    ASSERT_TRUE(again) << again.error().message << "\n" << written;
+    EXPECT_EQ(write_rig_configuration(*again), written);
+    EXPECT_EQ(again->calibration.knows_mounts, rig->calibration.knows_mounts);
+    EXPECT_EQ(again->imu.has_value(), rig->imu.has_value());
+    for (const AxisName name : kAxisNames) {
+      EXPECT_NEAR(again->axis(name).turns_per_radian, rig->axis(name).turns_per_radian, 1e-9);
+      EXPECT_NEAR(again->axis(name).limits.low, rig->axis(name).limits.low, 1e-9);
+      EXPECT_NEAR(again->axis(name).limits.reaction, rig->axis(name).limits.reaction, 1e-9);
+      EXPECT_NEAR(again->axis(name).limits.lag, rig->axis(name).limits.lag, 1e-9);
+    }
+  }
+}
+
 struct Impossible {
   const char* from;
   const char* to;
