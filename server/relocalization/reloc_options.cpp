@@ -11,7 +11,7 @@ namespace {
 constexpr OptionList::Range kShare = {0, 1};
 constexpr OptionList::Range kCorrelation = {-1, 1};
 constexpr OptionList::Range kCount = {0, 1e6};
-constexpr OptionList::Range kCells = {0, kImageCells};
+constexpr OptionList::Range kCellRange = {0, kImageCells};
 constexpr OptionList::Range kRadius = {0.1, 1000};
 constexpr OptionList::Range kBits = {0, 256};
 constexpr OptionList::Range kPixels = {0, 1e4};
@@ -73,8 +73,8 @@ OptionList list_options(ConfirmOptions::Acceptance* o) {
   list.add("evidence", &o->evidence, kCorrelation);
   list.add("of_met", &o->of_met, kShare, "of the matches that could be");
   list.add("of_expected", &o->of_expected, kShare, "of the points expected");
-  list.add("agreeing_cells", &o->agreeing_cells, kCells, "cells");
-  list.add("inconsistent_cells", &o->inconsistent_cells, kCells, "cells");
+  list.add("agreeing_cells", &o->agreeing_cells, kCellRange, "cells");
+  list.add("inconsistent_cells", &o->inconsistent_cells, kCellRange, "cells");
   return list;
 }
 
@@ -90,7 +90,7 @@ OptionList list_options(ConfirmOptions* o) {
   list.add("many_agreeing", &o->many_agreeing, {3, 1e6}, "corners");
   list.add_order("min_agreeing", "enough_agreeing").add_order("enough_agreeing", "many_agreeing");
   list.add("min_inliers", &o->min_inliers, {3, 1e6}, "points");
-  list.add("min_cells", &o->min_cells, kCells, "cells");
+  list.add("min_cells", &o->min_cells, kCellRange, "cells");
   list.add("clear_agreeing", &o->clear_agreeing, kCount, "corners");
   list.add("clear_evidence", &o->clear_evidence, kCorrelation);
   list.add("least_evidence", &o->least_evidence, kCorrelation);
