@@ -123,7 +123,7 @@ const ServerOptionRow kRows[] = {
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]",
      "expected a number of megabytes from 1 on",
      [](Text text, Options* o) { return read_count(text, &o->max_memory_mb, kMostMegabytes); },
-     [](const Options& o) { return write_number(o.max_memory_mb); }},
+     [](const Options& o) { return write_number(o.max_memory_mb); }, /*depends=*/true},
     {"max-keyframes", "N", "keyframes of a map at most [2000]", kFromOne,
      [](Text text, Options* o) { return read_count(text, &o->max_keyframes); },
      [](const Options& o) { return write_number(o.max_keyframes); }},
@@ -165,7 +165,7 @@ const ServerOptionRow kRows[] = {
      "answers: for repeatable runs, at the cost of all others [allow with profile loopback, else refuse]",
      "expected allow or refuse",
      [](Text text, Options* o) { return read_choice(text, "allow", true, "refuse", false, &o->lockstep); },
-     [](const Options& o) -> std::string { return o.lockstep ? "allow" : "refuse"; }},
+     [](const Options& o) -> std::string { return o.lockstep ? "allow" : "refuse"; }, /*depends=*/true},
     {"wearer-rule", "first|only",
      "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
      "[first]",

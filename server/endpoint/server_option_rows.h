@@ -19,6 +19,8 @@ struct ServerOptionRow {
   bool (*read)(const std::string& text, ServerOptions* options);
   /// The value as text that read() takes; empty: none.
   std::string (*write)(const ServerOptions& options);
+  /// Where it is not given, the value depends on another option or on the machine.
+  bool depends = false;
 };
 
 /// In the order of --help.

@@ -73,8 +73,14 @@ Status translate(const ConfigurationWords& words, ServerOptions* options) {
   return {};
 }
 
-std::variant<ServerOptions, EarlyExit> merge(const ConfigurationWords& from_line, const std::string& config,
-                                             int verbosity) {
+/// What the command line and the file say together.
+struct Merged {
+  ServerOptions options;
+  ConfigurationWords given;
+};
+
+std::variant<Merged, EarlyExit> merge(const ConfigurationWords& from_line, const std::string& config,
+                                      int verbosity) {
   ServerOptions options;
   ConfigurationWords words;
   if (!config.empty()) {
@@ -97,14 +103,18 @@ std::variant<ServerOptions, EarlyExit> merge(const ConfigurationWords& from_line
     if (const auto distinct = check_distinct({{"--stats", options.stats}}, read); !distinct)
       return complaint(kUsageExit, distinct.error().message);
   }
-  return options;
+  return Merged{std::move(options), std::move(words)};
 }
 
-EarlyExit print(ServerOptions options) {
+/// What was not given and depends on something else is a comment, so that whoever reads the file with another
+/// profile or on another machine has what holds there.
+EarlyExit print(Merged merged) {
+  auto& [options, given] = merged;
   std::vector<ConfigurationLine> lines;
   for (const ServerOptionRow& row : server_option_rows()) {
     const std::string value = row.write(options);
-    if (row.read != nullptr) lines.push_back({row.name, value.empty() ? "not given" : value, !value.empty()});
+    const bool is_set = !value.empty() && (!row.depends || given.contains(row.name));
+    if (row.read != nullptr) lines.push_back({row.name, value.empty() ? "not given" : value, is_set});
   }
   return {0, write_configuration("cairn-server", lines, engines_of(&options))};
 }
@@ -152,9 +162,9 @@ std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::str
     return parse_exit(app, error);
   }
   auto merged = merge(words, config, (verbose ? 1 : 0) - (quiet ? 1 : 0));
-  if (prints_config && std::holds_alternative<ServerOptions>(merged))
-    return print(std::get<ServerOptions>(std::move(merged)));
-  return merged;
+  if (auto* exit = std::get_if<EarlyExit>(&merged)) return std::move(*exit);
+  if (prints_config) return print(std::get<Merged>(std::move(merged)));
+  return std::get<Merged>(std::move(merged)).options;
 }
 
 }  // namespace cairn

@@ -192,6 +192,19 @@ TEST_F(ServerOptionsTest, WhatPrintConfigTellsIsReadAsTheSame) {
   }
 }
 
+TEST_F(ServerOptionsTest, WhatPrintConfigTellsPinsNothingThatDependsOnTheProfileOrTheMachine) {
+  const EarlyExit printed = refused({"--print-config"});
+  EXPECT_THAT(printed.text, HasSubstr("\n# lockstep: allow\n"));
+  EXPECT_THAT(printed.text, HasSubstr("\n# max-memory: "));
+  const auto path = configuration(printed.text);
+  EXPECT_TRUE(accepted({"--config", path}).lockstep);
+  EXPECT_FALSE(accepted({"--config", path, "--profile", "wifi"}).lockstep);
+  const EarlyExit given = refused({"--lockstep=allow", "--max-memory=7", "--print-config"});
+  const auto pinned = configuration(given.text);
+  EXPECT_TRUE(accepted({"--config", pinned, "--profile", "wifi"}).lockstep);
+  EXPECT_EQ(accepted({"--config", pinned}).max_memory_mb, 7U);
+}
+
 TEST_F(ServerOptionsTest, AFileSetsConstantsOfTheEngines) {
   const auto path = configuration(
       "relocalization:\n  confirm:\n    by_few: {evidence: 0.7}\nmap_maker:\n  max_points_per_keyframe: "
