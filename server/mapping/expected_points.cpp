@@ -3,15 +3,15 @@
 
 #include <algorithm>
 
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/patch_view.h"
 
 namespace cairn {
 namespace {
 
-constexpr double kNearest = 1e-3;       ///< in front of the camera [map unit]
-constexpr float kRadius = 4.0F;         ///< [search-level px], as the map maker looks for its points
-constexpr double kVisibleCosine = 0.7;  ///< 45 degrees off the source's direction: the patch is another one
-constexpr double kImageBorder = 6;      ///< [search-level px] of the projection from the image's edge
+constexpr double kNearest = 1e-3;  ///< in front of the camera [map unit]
+/// As the map maker looks for its points, unless an operator has told it otherwise.
+constexpr RefindOptions kRefind;
 
 struct Projected {
   const PointBlock* block = nullptr;
@@ -26,7 +26,7 @@ bool is_seen_from_alike(const MapSnapshot& map, const PointSource& source, const
   if (keyframe == nullptr) return true;  // it has been removed, and the patch stays
   const Eigen::Vector3d to_source = keyframe->camera_from_map.center() - point;
   const Eigen::Vector3d to_camera = camera_center - point;
-  return to_source.dot(to_camera) > kVisibleCosine * to_source.norm() * to_camera.norm();
+  return to_source.dot(to_camera) > kRefind.visible_cosine * to_source.norm() * to_camera.norm();
 }
 
 std::optional<Projected> project(const MapSnapshot& map, const PointBlock& block, int slot,
@@ -45,7 +45,7 @@ std::optional<Projected> project(const MapSnapshot& map, const PointBlock& block
   candidate.view.warp.col(0) = (by_map * block.right[s].cast<double>()).cast<float>();
   candidate.view.warp.col(1) = (by_map * block.down[s].cast<double>()).cast<float>();
   const auto level = warp_level(candidate.view.warp);
-  if (!level || !camera.in_image(*pixel, kImageBorder * (1 << *level))) return std::nullopt;
+  if (!level || !camera.in_image(*pixel, kRefind.image_border * (1 << *level))) return std::nullopt;
   candidate.view.level = *level;
   return candidate;
 }
@@ -71,7 +71,7 @@ std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera&
     if (candidates.size() > most && i * most / candidates.size() == (i + 1) * most / candidates.size())
       continue;
     const Projected& c = candidates[i];
-    const auto found = find_near_corner(c.block->source(c.slot), c.view, images, kRadius);
+    const auto found = find_near_corner(c.block->source(c.slot), c.view, images, kRefind.radius);
     points.push_back({c.block->ids[static_cast<size_t>(c.slot)], found.has_value(),
                       found ? found->pixel : c.view.pixel.cast<float>(), c.depth});
   }

@@ -19,8 +19,9 @@ struct ExpectedPoint {
 };
 
 /// The live points of `map` that project into the image at a scale and from a side at which their patches
-/// look alike, and whether they are there, within a few pixels. `most`: of more, a choice that is spread over
-/// them all, the same on every call. Those in front of what stands still are left out.
+/// look alike, and whether they are there, within a few pixels: by the defaults of RefindOptions. `most`: of
+/// more, a choice that is spread over them all, the same on every call. Those in front of what stands still
+/// are left out.
 [[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,
                                                          const SE3& camera_from_map,
                                                          const KeyframeImages& images,
