@@ -208,8 +208,8 @@ OptionList list_options(TrailOptions* o) {
   list.add("fewest_share", &o->fewest_share, kShare, "of the trails begun");
   list.add("fewest_movement", &o->fewest_movement, kShare, "of the image width");
   list.add("more_movement", &o->more_movement, {1, 100});
-  list.add("way_step", &o->way_step, {1e-3, 1000}, "px");
-  list.add("most_way", &o->most_way, {2, 1e4}, "positions");
+  list.add("view_step", &o->view_step, {1e-3, 1000}, "px");
+  list.add("most_views", &o->most_views, {2, 1e4}, "views");
   list.add("match_sigma", &o->match_sigma, {1e-3, 100}, "px");
   list.add("most_drift", &o->most_drift, kRadius, "px");
   list.add("match_iterations", &o->match_iterations, kIterations);

@@ -69,7 +69,7 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   trails_.clear();
   matched_.clear();
   way_.clear();
-  way_step_ = options_.way_step;
+  view_step_ = options_.view_step;
   first_image_ = image;
   first_time_ = time;
   movement_ = 0;
@@ -171,9 +171,9 @@ std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImag
 
 /// Keeps positions about every pixel of movement at first, ever fewer of a long way.
 void TrailFollower::remember_way(const FrameImages& now) {
-  if (movement_ < (way_.empty() ? 0.0F : way_.back()) + way_step_) return;
-  if (way_.size() == options_.most_way) {
-    way_step_ *= 2;
+  if (movement_ < (way_.empty() ? 0.0F : way_.back()) + view_step_) return;
+  if (way_.size() == options_.most_views) {
+    view_step_ *= 2;
     thin_out(&way_);
     for (FollowedTrail& t : trails_) thin_out(&t.path);
   }

@@ -28,8 +28,8 @@ struct TrailOptions {
   float fewest_share = 0.2F;       ///< of those begun: below, what is left covers too little of the view
   float fewest_movement = 0.006F;  ///< of the image width: median movement before the first two-view test
   float more_movement = 1.15F;     ///< factor of movement between two-view tests
-  float way_step = 1.0F;           ///< [px] of median movement between remembered positions, at first
-  uint64_t most_way = 64;          ///< positions remembered
+  float view_step = 1.0F;          ///< [px] of median movement between remembered views, at first
+  uint64_t most_views = 64;        ///< views remembered: where the trails were in a frame
   float match_sigma = 0.7F;        ///< [px] of a sub-pixel trail
   float most_drift = 2.0F;         ///< [px] what matching with the first patch may correct
   int match_iterations = 10;       ///< of that alignment
@@ -129,7 +129,7 @@ class TrailFollower {
   std::vector<float> way_;       ///< [px] median movement at the frames whose positions the trails keep
   float movement_ = 0;           ///< [px] median of the trails, in the latest frame
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
-  float way_step_ = 0;           ///< [px] between these
+  float view_step_ = 0;          ///< [px] of median movement between these
   bool undecided_ = false;
   std::optional<SeedAnswer> awaited_;
   std::string note_;

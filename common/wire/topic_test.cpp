@@ -83,16 +83,16 @@ TEST_F(WireTest, AValueRemovedBeforeItWasTakenComesWithItsRemoval) {
   const Participant server = this->server();
   const Participant client = this->client();
   auto slow = reader<MapInfo>(client, "client.a");
-  auto witness = reader<MapInfo>(client, "client.a");
+  auto prompt = reader<MapInfo>(client, "client.a");
   auto infos = writer<MapInfo>(server, "client.a");
   ASSERT_TRUE(eventually([&] { return infos.matched() == 2; }));
   const auto removed = random_.make<MapInfo>();
   const auto last = random_.make<MapInfo>();
   ASSERT_TRUE(infos.write(removed));
-  ASSERT_EQ(collect(&witness, 1).size(), 1U);
+  ASSERT_EQ(collect(&prompt, 1).size(), 1U);
   ASSERT_TRUE(infos.dispose(removed));
   ASSERT_TRUE(infos.write(last));
-  ASSERT_EQ(collect(&witness, 2).size(), 2U);
+  ASSERT_EQ(collect(&prompt, 2).size(), 2U);
   std::vector<Sample<MapInfo>> samples;
   for (auto& sample : collect(&slow, 3)) {
     if ((sample.message ? *sample.message : sample.key).map == removed.map)

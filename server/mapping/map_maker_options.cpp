@@ -31,15 +31,15 @@ OptionList list_options(EpipolarOptions* o) {
 OptionList list_options(TwoViewPointOptions* o) {
   OptionList list;
   list.add("partners", &o->partners, {1, 1e3}, "keyframes");
-  list.add("witnesses", &o->witnesses, {0, 1e3}, "keyframes");
+  list.add("confirming_keyframes", &o->confirming_keyframes, {0, 1e3}, "keyframes");
   list.add("min_parallax", &o->min_parallax, kAngle, "rad");
   list.add("good_parallax", &o->good_parallax, {1e-6, std::numbers::pi}, "rad");
   list.add("wide_parallax", &o->wide_parallax, {1e-6, std::numbers::pi}, "rad");
   list.add_order("good_parallax", "wide_parallax");
   list.add("known_distance", &o->known_distance, kPixels, "level px");
   list.add("new_distance", &o->new_distance, kPixels, "level px");
-  list.add("witness_radius", &o->witness_radius, kPixels, "level px");
-  list.add("witness_cosine", &o->witness_cosine, kCosine, "cosine");
+  list.add("confirm_radius", &o->confirm_radius, kPixels, "level px");
+  list.add("confirm_cosine", &o->confirm_cosine, kCosine, "cosine");
   list.add("overlap_samples", &o->overlap_samples, {1, 1e6}, "points");
   list.add("candidates_per_poll", &o->candidates_per_poll, {1, 1e6}, "candidates");
   list.add_part("epipolar", list_options(&o->epipolar));

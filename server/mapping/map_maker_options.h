@@ -31,16 +31,16 @@ struct EpipolarOptions {
 
 /// Of points that two keyframes show (new_points; PTAM 2007, 6.2).
 struct TwoViewPointOptions {
-  int partners = 2;   ///< keyframes searched for each candidate, until one has it
-  int witnesses = 3;  ///< further keyframes that are asked to confirm a new point
+  int partners = 2;              ///< keyframes searched for each candidate, until one has it
+  int confirming_keyframes = 3;  ///< further keyframes that are asked to confirm a new point
   double min_parallax =
       0.0175;  ///< [rad] 1 degree: below, the depth from two views is noise (0.3 px at f 525 is 3 % of it)
   double good_parallax = 0.07;    ///< [rad] from here on more does not help, and patches begin to differ
   double wide_parallax = 0.25;    ///< [rad] from here on patches and occlusions differ too much
   double known_distance = 10;     ///< [level px] of a candidate from a known measurement (PTAM r114)
   double new_distance = 6;        ///< [level px] between new points of one level
-  float witness_radius = 3.0F;    ///< [level px]
-  double witness_cosine = 0.9;    ///< a view more oblique against the source's proves nothing by not finding
+  float confirm_radius = 3.0F;    ///< [level px]
+  double confirm_cosine = 0.9;    ///< a view more oblique against the source's proves nothing by not finding
   uint64_t overlap_samples = 60;  ///< points by which partners are ranked
   uint64_t candidates_per_poll = 64;  ///< candidates between two looks at who waits
   EpipolarOptions epipolar;

@@ -40,10 +40,10 @@ class Occupancy {
 };
 
 /// Asks keyframes that should see a new point too. False: at least two should, and none does.
-class Witnesses {
+class ConfirmingKeyframes {
  public:
-  Witnesses(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids,
-            const TwoViewPointOptions& options)
+  ConfirmingKeyframes(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids,
+                      const TwoViewPointOptions& options)
       : options_(options), ids_(std::move(ids)) {
     for (const KeyframeId id : ids_) {
       keyframes_.push_back(&map.keyframe(id));
@@ -57,12 +57,12 @@ class Witnesses {
     found->clear();
     for (size_t i = 0; i < ids_.size(); ++i) {
       if (ids_[i] == partner) continue;
-      const Eigen::Vector3d to_witness = (from_source_[i].center() - point.in_source).normalized();
-      if (to_witness.dot(-point.in_source.normalized()) < options_.witness_cosine) continue;
+      const Eigen::Vector3d to_camera = (from_source_[i].center() - point.in_source).normalized();
+      if (to_camera.dot(-point.in_source.normalized()) < options_.confirm_cosine) continue;
       const auto view = view_patch(source, point.in_source, from_source_[i], *keyframes_[i]->camera);
       if (!view || !keyframes_[i]->camera->in_image(view->pixel, 8 << view->level)) continue;
       ++asked;
-      const auto hit = find_near_corner(source, *view, *keyframes_[i]->images, options_.witness_radius);
+      const auto hit = find_near_corner(source, *view, *keyframes_[i]->images, options_.confirm_radius);
       if (hit) found->emplace_back(ids_[i], *hit);
     }
     return asked < 2 || !found->empty();
@@ -123,7 +123,7 @@ namespace {
 /// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
 std::vector<KeyframeId> choose_partners(const MapState& map, const MapKeyframe& keyframe, double min_parallax,
                                         const TwoViewPointOptions& options) {
-  const auto count = static_cast<size_t>(options.partners + options.witnesses);
+  const auto count = static_cast<size_t>(options.partners + options.confirming_keyframes);
   const size_t stride = std::max<size_t>(1, keyframe.measurements.size() / options.overlap_samples);
   std::vector<Eigen::Vector3d> points;
   for (size_t i = 0; i < keyframe.measurements.size(); i += stride)
@@ -144,7 +144,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
   for (size_t i = 0; i < std::min(others.size(), static_cast<size_t>(options.partners)); ++i) {
     searches.emplace_back(keyframe, map->keyframe(others[i]), limits.min_parallax, options.epipolar);
   }
-  const Witnesses witnesses(*map, keyframe, others, options);
+  const ConfirmingKeyframes confirming(*map, keyframe, others, options);
   Occupancy taken = known_measurements(keyframe, level, options.known_distance);
   std::vector<std::pair<KeyframeId, PatchFound>> seen_by;
   const std::vector<Candidate> candidates = strongest_first(point_candidates(*keyframe.images, level));
@@ -161,7 +161,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
     if (!source) continue;
     for (size_t i = 0; i < searches.size(); ++i) {
       const auto point = searches[i].find(*source);
-      if (!point || !witnesses.confirm(*source, *point, others[i], &seen_by)) continue;
+      if (!point || !confirming.confirm(*source, *point, others[i], &seen_by)) continue;
       if (limits.extent && !contains(*limits.extent, map_from_keyframe * point->in_source)) break;
       seen_by.emplace_back(others[i], point->found);
       result.made.push_back(add_point(map, *source, point->in_source, seen_by));

@@ -37,8 +37,8 @@ struct NewPoints {
 
 /// Makes points at one pyramid level of a keyframe: candidates away from known measurements, strongest first;
 /// each is searched along its epipolar line, accepted if unique, triangulated, and confirmed by reprojection,
-/// parallax and, where others should see it too, at least one witness (PTAM 2007, 6.2; PTAM r114).
-/// `should_yield` is polled about every millisecond.
+/// parallax and, where others should see it too, at least one further keyframe that confirms it (PTAM
+/// 2007, 6.2; PTAM r114). `should_yield` is polled about every millisecond.
 [[nodiscard]] NewPoints make_new_points(MapState* map, KeyframeId keyframe, int level,
                                         const NewPointsLimits& limits, const TwoViewPointOptions& options,
                                         const std::function<bool()>& should_yield);

@@ -59,7 +59,7 @@ struct GrowingMap {
   KeyframeInput offer;
 };
 
-/// Candidates of all levels, their search along epipolar lines, triangulation, witnesses.
+/// Candidates of all levels, their search along epipolar lines, triangulation, confirmation.
 void BM_NewPointsOfAKeyframe(benchmark::State& state) {
   const GrowingMap map;
   size_t made = 0;
