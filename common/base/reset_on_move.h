@@ -15,7 +15,8 @@ class ResetOnMove {
   ResetOnMove& operator=(const ResetOnMove&) = default;
   ResetOnMove(ResetOnMove&& other) noexcept : value_(std::exchange(other.value_, T{})) {}
   ResetOnMove& operator=(ResetOnMove&& other) noexcept {
-    T taken = std::exchange(other.value_, T{});  // `other` may be this
+    // Moved to itself it keeps its value, though the member of which it tells may be empty then.
+    T taken = std::exchange(other.value_, T{});
     value_ = std::move(taken);
     return *this;
   }

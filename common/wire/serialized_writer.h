@@ -18,7 +18,8 @@ class WriterEntity;
 
 /// A message in the form in which it travels: made once, whatever the number of partitions in which it is
 /// written, and kept once by the middleware for all who come later to any of them. Keeps its participant
-/// alive. Thread-safe.
+/// alive. It may be copied and let go on any thread, but all writes of it, whatever the writer, must come
+/// from one thread: the middleware notes the time of sending in what all of them share.
 template <typename Message>
 struct Serialized {
   std::shared_ptr<const internal::SerializedSample> sample;
@@ -26,7 +27,8 @@ struct Serialized {
 };
 
 /// As Writer, for messages of which many clients are sent the same, each in its own partition: the blocks of
-/// a map (PointPatches, PointPositions, KeyframePoses). Thread-safe.
+/// a map (PointPatches, PointPositions, KeyframePoses). Thread-safe, but for the writes of one message
+/// (Serialized).
 template <typename Message>
 class SerializedWriter {
  public:

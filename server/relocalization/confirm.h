@@ -87,7 +87,7 @@ struct Confirmation {
   int expected = 0;         ///< points of the neighbourhood that project into the image
   int met = 0;              ///< matches of these that there could be (GuidedMatches)
   int occupied_cells = 0;   ///< of kImageCells, with an inlier in them
-  int agreeing_cells = 0;   ///< of kImageCells, with two in them at least of those that are `agreeing`
+  int agreeing_cells = 0;   ///< of kImageCells, with ConfirmOptions::agreeing_in_cell or more of `agreeing`
   /// Appearance::local and order: by the refined pose, or else by the first, of some points of the keyframe
   double similarity = -1;
   double order = -1;
