@@ -85,6 +85,7 @@ std::optional<ReachableRegion> VerifiedPath::reachable(const MapSnapshot& map, T
   if (path.empty() || path.back().back < options_.shortest) return std::nullopt;
   const double seconds = seconds_between(time, entry(0).time);
   const double lag = std::min(options_.lag, path.back().back / 2 - options_.spacing);
+  if (lag <= 0) return std::nullopt;  // no two velocities
   const auto earlier = before(path, 0, lag);
   const auto density = density_of(path, lag);
   if (seconds < 0 || !earlier || !density) return std::nullopt;

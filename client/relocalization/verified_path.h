@@ -22,11 +22,13 @@ struct ReachableRegion {
   }
 };
 
+constexpr size_t kMostVerifiedPoses = 96;
+
 struct VerifiedPathOptions {
-  double window = 2.0;     ///< [s] of which the acceleration is learnt
+  double window = 2.0;     ///< [s] of which the acceleration is learnt, as far as the poses kept reach
   double lag = 1.0 / 3;    ///< [s] of which the velocity is
   double shortest = 0.1;   ///< [s] of a path that says something
-  double spacing = 0.031;  ///< [s] of what is kept, 96 poses at most
+  double spacing = 0.031;  ///< [s] of what is kept, kMostVerifiedPoses at most
   double sigmas = 6.0;     ///< [sigma] of where the camera is expected, that it may be off
 };
 
@@ -56,7 +58,7 @@ class VerifiedPath {
     AnchoredPose pose;
     Timestamp time;
   };
-  static constexpr size_t kMost = 96;
+  static constexpr size_t kMost = kMostVerifiedPoses;
 
   /// `back`: 0 is the latest.
   [[nodiscard]] const Entry& entry(size_t back) const { return entries_[(next_ + kMost - 1 - back) % kMost]; }

@@ -56,6 +56,18 @@ class VerifiedPathTest : public ::testing::Test {
   double end = 0;
 };
 
+TEST_F(VerifiedPathTest, APathThatIsShorterThanTwoSpacingsSaysNothing) {
+  VerifiedPathOptions options;
+  options.spacing = 0.07;
+  path = VerifiedPath(options);
+  walk(1.4, 0, 4 * kStep);
+  EXPECT_GE(end, options.shortest);
+  EXPECT_FALSE(path.reachable(*map, at(end)));
+  path.clear();
+  walk(1.4, 0, 3);
+  EXPECT_TRUE(path.reachable(*map, at(end)));
+}
+
 TEST_F(VerifiedPathTest, WhoWalksSteadilyGoesOn) {
   walk(1.4, 0, 3);
   const ReachableRegion region = after(1);

@@ -366,10 +366,12 @@ OptionList list_options(KeyframeRoundsOptions* o) {
 
 OptionList list_options(VerifiedPathOptions* o) {
   OptionList list;
-  list.add("window", &o->window, kSeconds, "s");
+  // What the poses that are kept hold, at the spacing that is usual.
+  list.add("window", &o->window, {0, kMostVerifiedPoses * VerifiedPathOptions().spacing}, "s");
   list.add("lag", &o->lag, {1e-3, 3600}, "s");
   list.add("shortest", &o->shortest, kSeconds, "s");
-  list.add("spacing", &o->spacing, {0, 10}, "s");
+  list.add("spacing", &o->spacing, {1e-3, 10}, "s");
+  list.add_order("spacing", "shortest");
   list.add("sigmas", &o->sigmas, {0, 1000}, "sigma");
   return list;
 }

@@ -19,6 +19,19 @@ double as_number(const OptionList::Value& value) {
       value);
 }
 
+/// Both ends are rounded to the option's own type: 0.01 is more than the nearest float, which is printed as
+/// 0.01, too. NaN is in no range.
+bool is_within(const OptionList::Range& range, const OptionList::Value& value) {
+  return std::visit(Overloaded{[&](const float* number) {
+                                 return *number >= static_cast<float>(range.least) &&
+                                        *number <= static_cast<float>(range.most);
+                               },
+                               [&](const auto* /*number*/) {
+                                 return as_number(value) >= range.least && as_number(value) <= range.most;
+                               }},
+                    value);
+}
+
 template <typename Number>
 bool parse(const std::string& text, Number* value) {
   Number parsed{};
@@ -92,9 +105,7 @@ const OptionList* OptionList::find_part(const std::string& name) const {
 
 Status OptionList::check() const {
   for (const Row& row : rows_) {
-    const double value = as_number(row.value);
-    // Written so that NaN is refused, too.
-    if (value >= row.range.least && value <= row.range.most) continue;
+    if (is_within(row.range, row.value)) continue;
     return fail(ErrorCode::kConfiguration,
                 fmt::format("{} is {}: expected {} to {}{}", row.name, option_text(row), row.range.least,
                             row.range.most, unit_after(row)));

@@ -19,7 +19,7 @@ namespace cairn {
 class OptionList {
  public:
   using Value = std::variant<bool*, int*, uint64_t*, float*, double*, std::chrono::milliseconds*>;
-  /// Of a value, both ends included [unit of the option].
+  /// Of a value, both ends included as the option's type has them [unit of the option].
   struct Range {
     double least = 0;
     double most = 0;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "common/base/option_yaml.h"
@@ -67,6 +68,19 @@ TEST(OptionList, WhatIsWrittenIsReadAsTheSameValues) {
   EXPECT_EQ(again.lens.cutoff, unusual.lens.cutoff);
   EXPECT_EQ(again.lens.is_round, unusual.lens.is_round);
   EXPECT_EQ(write_options(list_options(&again)), text);
+}
+
+TEST(OptionList, TheEndsOfARangeAreInItAsTheOptionsTypeHasThem) {
+  for (const double end : {0.01, 0.1, 0.3, 0.7, 0.9}) {
+    const auto nearest = static_cast<float>(end);
+    float value = nearest;
+    const OptionList list = OptionList().add("ratio", &value, {end, end});
+    EXPECT_TRUE(list.check()) << end;
+    for (const float beside : {0.0F, 1.0F}) {
+      value = std::nextafter(nearest, beside);
+      EXPECT_FALSE(list.check()) << end;
+    }
+  }
 }
 
 TEST(OptionList, WhatIsNotNamedKeepsItsValue) {

@@ -113,6 +113,7 @@ OptionList list_options(OverlapOptions* o) {
   list.add("most_shown", &o->most_shown, {1, 1e4}, "keyframes");
   list.add("next_to", &o->next_to, kNearness, "mean depths plus rad");
   list.add("least_keyframes", &o->least_keyframes, {2, 1e4}, "keyframes");
+  list.add_order("least_keyframes", "most_shown");
   list.add("same_pose", &o->agreement.same_pose, kNearness, "mean depths plus rad");
   list.add("least_base", &o->agreement.least_base, kNearness, "mean depths");
   return list;
