@@ -56,11 +56,13 @@ size_t MapFeed::work(MonotonicTime now, size_t bytes) {
   Status written;
   size_t sum = 0;
   while (written && sum < bytes && progress_->written < blocks) {
-    const Result<size_t> block = write_block(burst, progress_->written++);
-    if (block)
+    const Result<size_t> block = write_block(burst, progress_->written);
+    if (block) {
       sum += *block;
-    else
+      ++progress_->written;
+    } else {
       written = tl::unexpected(block.error());
+    }
   }
   writers_.keyframes.flush();
   writers_.patches.flush();
