@@ -18,6 +18,15 @@ Error endpoint_error(std::string_view what, std::string_view topic, dds_return_t
           std::string(what).append(" ").append(topic).append(": ").append(dds_strretcode(-code))};
 }
 
+/// Whether dds_forwardcdr() fails with this before it takes the reference that it is given: the writer is no
+/// more, as when our keys have expired. It keeps the reference with all others, of which Cyclone 0.10 has two
+/// (DDS_RETCODE_ERROR, DDS_RETCODE_TIMEOUT). An unknown one so costs memory at worst: releasing twice is
+/// worse.
+bool is_refused_at_once(dds_return_t code) {
+  return code == DDS_RETCODE_BAD_PARAMETER || code == DDS_RETCODE_PRECONDITION_NOT_MET ||
+         code == DDS_RETCODE_ALREADY_DELETED || code == DDS_RETCODE_ILLEGAL_OPERATION;
+}
+
 Error too_large(const char* topic, size_t bytes) {
   const auto megabytes = [](size_t n) { return std::to_string((n + 999'999) / 1'000'000) + " MB"; };
   return {ErrorCode::kRefused, std::string(topic) + " of " + megabytes(bytes) +
@@ -108,8 +117,7 @@ Status WriterEntity::write(const SerializedSample& sample) {
     context_->bytes_sent += sample.payload_bytes();
     return {};
   }
-  // The reference was taken from us unless the writer is no more, as when our keys have expired.
-  if (code != DDS_RETCODE_ERROR && code != DDS_RETCODE_TIMEOUT) ddsi_serdata_unref(sample.data());
+  if (is_refused_at_once(code)) ddsi_serdata_unref(sample.data());
   return tl::unexpected(endpoint_error("writing", topic_, code));
 }
 
