@@ -51,12 +51,13 @@ Status write(ClientWriters& writers, const ClientEvent& event) {
   return std::visit(Dispatch{writers}, event);
 }
 
-void note_author(const wire::OfferVerdict& verdict, ClientLink* link) {
-  for (const wire::OfferOutcome& outcome : verdict.recent) {
-    if (outcome.decision != wire::OfferDecision::kAccepted) continue;
-    if (const auto feed = link->feeds.find(outcome.map); feed != link->feeds.end())
-      feed->second.note_author();
-  }
+void note_author(const ClientEvent& verdict, ClientLink* link) {
+  if (const auto* seed = std::get_if<wire::SeedVerdict>(&verdict); seed != nullptr && seed->accepted)
+    link->authored.insert(seed->map);
+  const auto* offers = std::get_if<wire::OfferVerdict>(&verdict);
+  if (offers == nullptr) return;
+  for (const wire::OfferOutcome& outcome : offers->recent)
+    if (outcome.decision == wire::OfferDecision::kAccepted) link->authored.insert(outcome.map);
 }
 
 }  // namespace cairn

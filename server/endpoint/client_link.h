@@ -3,6 +3,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "common/base/log.h"
@@ -37,10 +38,11 @@ struct ClientLink {
   std::optional<ClientWriters> writers;         ///< while connected
   std::map<MapId, int> wanted;                  ///< map readers discovered, by map
   std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that there are for it
+  std::set<MapId> authored;                     ///< maps that have keyframes of its
   std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
 };
 
 /// Whose keyframes are in a map is sent it before its readers.
-void note_author(const wire::OfferVerdict& verdict, ClientLink* link);
+void note_author(const ClientEvent& verdict, ClientLink* link);
 
 }  // namespace cairn

@@ -274,7 +274,7 @@ void Endpoint::feed_clients() {
   for (auto& [name, link] : links_) {
     for (auto& [map, feed] : link.feeds) {
       const auto due = feed.deadline();
-      if (due && *due <= now) waiting.push_back({name, map, feed.is_author(), &feed});
+      if (due && *due <= now) waiting.push_back({name, map, link.authored.contains(map), &feed});
     }
   }
   turns_.take_turn(waiting, now);
@@ -406,8 +406,11 @@ Status Endpoint::tell(const std::string& client, const ClientEvent& event) {
   const auto link = links_.find(client);
   if (link == links_.end()) return {};
   // Before it is said: what the client may not have, it is sent no more.
-  if (const auto* gone = std::get_if<MapUnlisted>(&event)) link->second.feeds.erase(gone->map);
-  if (const auto* verdict = std::get_if<wire::OfferVerdict>(&event)) note_author(*verdict, &link->second);
+  if (const auto* gone = std::get_if<MapUnlisted>(&event)) {
+    link->second.feeds.erase(gone->map);
+    link->second.authored.erase(gone->map);
+  }
+  note_author(event, &link->second);
   if (!link->second.writers) return {};
   const Status written = write(*link->second.writers, event);
   if (std::holds_alternative<wire::MapInfo>(event)) open_wanted_feeds(client, &link->second);
@@ -458,7 +461,10 @@ void Endpoint::label_removed(MapId map, LabelId label) {
 }
 
 void Endpoint::ended(MapId map) {
-  for (auto& [name, link] : links_) link.feeds.erase(map);
+  for (auto& [name, link] : links_) {
+    link.feeds.erase(map);
+    link.authored.erase(map);
+  }
   blocks_.erase(map);
 }
 

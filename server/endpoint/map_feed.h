@@ -36,10 +36,6 @@ class MapFeed {
   /// When work() should be called next; nothing when there is nothing to send.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const;
 
-  /// A keyframe of the client has become part of the map.
-  void note_author() { is_author_ = true; }
-  [[nodiscard]] bool is_author() const { return is_author_; }
-
  private:
   struct Writers {
     wire::SerializedWriter<wire::PointPatches> patches;
@@ -62,7 +58,6 @@ class MapFeed {
   Logger log_;
   MapPublisher publisher_;
   std::optional<Progress> progress_;
-  bool is_author_ = false;
 };
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <set>
 
 #include "common/wire/partition.h"
 #include "common/wire/wire_fixture.h"
@@ -119,11 +120,8 @@ TEST_F(MapFeedTest, ARevisionIsWrittenInSlices) {
 }
 
 TEST_F(MapFeedTest, WhoseKeyframeWasAcceptedIsTheAuthorOfThatMapOnly) {
-  const wire::Participant server = this->server();
   const MapId other{{8}};
   ClientLink link;
-  for (const MapId map : {kMap, other})
-    link.feeds.emplace(map, MapFeed::create(server, "alice", map, blocks_, null_logger()).value());
   wire::OfferVerdict verdict;
   const auto add = [&](wire::OfferDecision decision, MapId map) {
     wire::OfferOutcome outcome;
@@ -134,13 +132,21 @@ TEST_F(MapFeedTest, WhoseKeyframeWasAcceptedIsTheAuthorOfThatMapOnly) {
   add(wire::OfferDecision::kKeptAside, kMap);
   add(wire::OfferDecision::kTooClose, other);
   note_author(verdict, &link);
-  EXPECT_FALSE(link.feeds.at(kMap).is_author());
-  EXPECT_FALSE(link.feeds.at(other).is_author());
+  EXPECT_TRUE(link.authored.empty());
   add(wire::OfferDecision::kAccepted, kMap);
-  add(wire::OfferDecision::kAccepted, MapId{{9}});  // which it is not sent
   note_author(verdict, &link);
-  EXPECT_TRUE(link.feeds.at(kMap).is_author());
-  EXPECT_FALSE(link.feeds.at(other).is_author());
+  EXPECT_EQ(link.authored, std::set{kMap});
+}
+
+TEST_F(MapFeedTest, WhoseSeedWasAcceptedIsTheAuthorOfItsMap) {
+  ClientLink link;
+  wire::SeedVerdict verdict;
+  verdict.map = kMap;
+  note_author(verdict, &link);
+  EXPECT_TRUE(link.authored.empty());
+  verdict.accepted = true;
+  note_author(verdict, &link);
+  EXPECT_EQ(link.authored, std::set{kMap});
 }
 
 }  // namespace
