@@ -25,8 +25,12 @@ void RigPilot::on_frame(const FrameReport& report) {
     if (!chosen_) choose(report);
     follow(report);
   }
-  RigSight sight{report.frame.time,       tracked, report.state == FrameState::kLost,
-                 report.result.verifying, {},      {}};
+  RigSight sight;
+  sight.time = report.frame.time;
+  sight.tracked = tracked;
+  sight.poor = report.state == FrameState::kPoor;
+  sight.lost = report.state == FrameState::kLost;
+  sight.verifying = report.result.verifying;
   sight.map = report.result.map;
   sight.lost = sight.lost || (report.state == FrameState::kStarting && !options_.makes_maps);
   if (tracked && point_) sight.target = report.result.camera_from_map * *point_;

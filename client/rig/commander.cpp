@@ -52,6 +52,8 @@ void RigCommander::want(RigAim aim) {
   ++wants_;
   rests_ = false;
   looking_ = Looking::kNot;
+  poor_view_.reset();
+  takes_poor_view_ = false;
   sighting_.reset();
   ordered_ = {};
   order_.mode = RigMode::kIdle;  // said again it begins anew: lock takes another direction
@@ -121,23 +123,56 @@ void RigCommander::remember(MapId map, const Eigen::Vector3d& direction) {
   if (seen_at_.size() > wire::kMaxFurtherDirections + 1) seen_at_.pop_back();
 }
 
+/// Whether the search that was asked for goes on in spite of this sight, which is kept for later: at the edge
+/// of a map a few points are in sight, and a better view is near.
+bool RigCommander::passes_by(const RigSight& sight, const std::optional<Eigen::Vector3d>& direction) {
+  if (aim_ != RigAim::kSearch || is_found_ || !sight.poor || takes_poor_view_ || !state_ || !direction)
+    return false;
+  if (!poor_view_) poor_view_ = PoorView{*direction, state_->looked_at};
+  looking_ = Looking::kSearching;
+  return !is_round_over();
+}
+
+/// The share of places looked at begins anew with each round. It also falls a little where a sway brings
+/// other places within reach; a poor view is then taken early, no worse.
+bool RigCommander::is_round_over() const {
+  return poor_view_ && state_ && state_->looked_at < poor_view_->looked_at / 2;
+}
+
+/// Back to the poor view, as a place where the camera may be found.
+void RigCommander::look_again() {
+  takes_poor_view_ = true;
+  looking_ = Looking::kAtCandidate;
+  candidate_at_ = poor_view_->direction;
+  candidate_since_.reset();
+  poor_view_.reset();
+}
+
 void RigCommander::see(const RigSight& sight) {
   if (sight.target) sighting_ = sight;
   if (sight.tracked) {
+    const auto direction = direction_at(sight.time);
+    if (direction) remember(sight.map, *direction);
     lost_since_.reset();
+    if (passes_by(sight, direction)) return;
+    is_found_ = true;
+    poor_view_.reset();
+    takes_poor_view_ = false;
     looking_ = Looking::kNot;
-    if (const auto direction = direction_at(sight.time)) remember(sight.map, *direction);
     return;
   }
   if (!sight.lost) {
     lost_since_.reset();
     return;
   }
+  is_found_ = false;
+  if (is_round_over() && looking_ != Looking::kAtCandidate) look_again();
   if (!lost_since_) lost_since_ = sight.time;
   if (looking_ == Looking::kAtCandidate) {
     if (sight.verifying || !candidate_since_) candidate_since_ = sight.time;
     if (sight.time - *candidate_since_ <= kCandidateTime) return;
     looking_ = Looking::kSearching;  // it was none
+    takes_poor_view_ = false;
   }
   if (looking_ == Looking::kNot && aim_ != RigAim::kNeutral && sight.time - *lost_since_ >= kSearchAfter) {
     looking_ = Looking::kSearching;
@@ -179,10 +214,9 @@ wire::RigCommand RigCommander::aimed() const {
     order.target = candidate_at_;
   } else if (looking_ == Looking::kSearching || aim_ == RigAim::kSearch) {
     // Who is found is not led away.
-    const bool is_found = !lost_since_ && !seen_at_.empty();
-    order.mode = is_found ? RigMode::kLock : RigMode::kSearch;
+    order.mode = is_found_ ? RigMode::kLock : RigMode::kSearch;
     order.pattern = pattern_;
-    if (is_found || seen_at_.empty()) return order;
+    if (is_found_ || seen_at_.empty()) return order;
     order.target = seen_at_.front().direction;
     for (auto heading = seen_at_.begin() + 1; heading != seen_at_.end(); ++heading)
       order.further.push_back(heading->direction);

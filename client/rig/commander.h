@@ -25,6 +25,7 @@ enum class RigAim : uint8_t { kNeutral, kFollow, kLock, kFixate, kSearch };
 struct RigSight {
   Timestamp time;                         ///< of the frame, by the host's clock
   bool tracked = false;                   ///< its pose is known
+  bool poor = false;                      ///< and by few of the points in sight only, as at the edge of a map
   bool lost = false;                      ///< it is not, and the camera is looked for in maps
   bool verifying = false;                 ///< a pose is being verified
   MapId map;                              ///< that it is tracked in
@@ -88,7 +89,15 @@ class RigCommander {
     Eigen::Vector3d direction;  ///< in the rig's world
   };
 
+  struct PoorView {
+    Eigen::Vector3d direction;  ///< in the rig's world
+    double looked_at = 0;       ///< wire::RigState::looked_at then
+  };
+
   void remember(MapId map, const Eigen::Vector3d& direction);
+  [[nodiscard]] bool passes_by(const RigSight& sight, const std::optional<Eigen::Vector3d>& direction);
+  [[nodiscard]] bool is_round_over() const;
+  void look_again();
   [[nodiscard]] wire::RigCommand wanted() const;
   [[nodiscard]] wire::RigCommand aimed() const;
   [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp image) const;
@@ -105,7 +114,10 @@ class RigCommander {
   bool stop_asked_ = false;
   bool clear_asked_ = false;
   bool closed_ = false;
-  bool rests_ = false;  ///< was stopped: a person begins anew
+  bool rests_ = false;                 ///< was stopped: a person begins anew
+  bool is_found_ = false;              ///< tracked well enough to end a search, and not lost since
+  std::optional<PoorView> poor_view_;  ///< the first that this search went past
+  bool takes_poor_view_ = false;       ///< nothing better was found
   std::optional<Timestamp> lost_since_;
   std::optional<Timestamp> candidate_since_;
   std::vector<Heading> seen_at_;  ///< where the camera looked when it was tracked last in a map, newest first

@@ -212,6 +212,41 @@ TEST_F(Commander, NeutralLeavesTheCameraToTheWearerAndSearchHoldsWhatItFinds) {
   EXPECT_EQ(orders_, 1);
 }
 
+/// At the edge of a map a few of its points are in sight.
+TEST_F(Commander, ASearchGoesPastAPoorViewToAGoodOne) {
+  RigCommander search = make(RigAim::kSearch);
+  RigSight poor = tracked_;
+  poor.poor = true;
+  rig_.looked_at = 0.2;
+  EXPECT_EQ(after(search, lost_, 100ms).mode, RigMode::kSearch);
+  rig_.looked_at = 0.4;
+  EXPECT_EQ(after(search, poor, 300ms).mode, RigMode::kSearch);
+  rig_.looked_at = 0.6;
+  EXPECT_EQ(after(search, lost_, 100ms).mode, RigMode::kSearch);
+  EXPECT_EQ(after(search, tracked_, 100ms).mode, RigMode::kLock);
+  EXPECT_EQ(after(search, poor, 1000ms).mode, RigMode::kLock) << "who is found is not led away";
+}
+
+TEST_F(Commander, ASearchComesBackToAPoorViewWhenARoundHasShownNoBetter) {
+  RigCommander search = make(RigAim::kSearch);
+  RigSight poor = tracked_;
+  poor.poor = true;
+  rig_.looked_at = 0.4;
+  heading_ = 0.5;
+  (void)after(search, lost_, 100ms);
+  EXPECT_EQ(after(search, poor, 100ms).mode, RigMode::kSearch);
+  rig_.looked_at = 0.9;
+  heading_ = 2;
+  EXPECT_EQ(after(search, lost_, 500ms).mode, RigMode::kSearch);
+  rig_.looked_at = 0;
+  const auto back = after(search, lost_, 50ms);
+  EXPECT_EQ(back.mode, RigMode::kLock);
+  EXPECT_LT((back.target - Vector3d(std::cos(0.5), std::sin(0.5), 0)).norm(), 1e-9);
+  heading_ = 0.5;
+  const auto held = after(search, poor, 1000ms);
+  EXPECT_EQ(held.mode, RigMode::kLock);
+}
+
 TEST_F(Commander, ASightingIsToldWithTheStampOfItsImageAndIsNoNewOrder) {
   RigCommander commander = make(RigAim::kFixate);
   EXPECT_EQ(after(commander, tracked_, 100ms).target.norm(), 0);
