@@ -25,6 +25,7 @@ SLOWNESS = int(os.environ.get("CAIRN_TEST_SLOWNESS", "1"))  # of the build: reco
 LIMIT = 300 * SLOWNESS  # seconds, which only a broken program takes
 FIRST_DOMAIN = 215
 DOMAINS = 10  # ports above those that the kernel gives out
+NOBODYS_DOMAIN = FIRST_DOMAIN + DOMAINS - 1  # CTest's resource domain_224: no other test has a server there meanwhile
 DAMAGED = 6
 
 
@@ -463,7 +464,7 @@ class Faults(OnTheDesk):
         kept = {self.folder / f"kept.{end}": f"of an earlier run: {end}" for end in ("txt", "json", "mp4")}
         for path, text in kept.items():
             path.write_text(text)
-        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", FIRST_DOMAIN + DOMAINS - 1, "--headless",
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", NOBODYS_DOMAIN, "--headless",
                                       "--pace", "lockstep", "--trajectory", self.folder / "kept.txt",
                                       "--stats", self.folder / "kept.json", "--video", self.folder / "kept.mp4"),
                               stderr=subprocess.PIPE, text=True, timeout=LIMIT)
@@ -522,7 +523,7 @@ class Faults(OnTheDesk):
 
     def test_a_server_whose_log_nobody_reads_hears_a_signal(self):
         with full_pipe() as log:
-            server = subprocess.Popen(command("cairn-server", "--domain", FIRST_DOMAIN + DOMAINS - 1), stderr=log)
+            server = subprocess.Popen(command("cairn-server", "--domain", NOBODYS_DOMAIN), stderr=log)
             await_blocked(server, signal.SIGTERM)
             server.send_signal(signal.SIGTERM)
             self.assertEqual(server.wait(timeout=LIMIT), 0)
@@ -554,6 +555,11 @@ class Faults(OnTheDesk):
             stats, said = self.track(server, "damaged", "--pace", "lockstep", recording="damaged", code=6)
         self.assertIn("25 of 40 frames could not be decoded", said)
         self.assertEqual(stats["frames_total"], 40)
+
+
+class Crashes(OnTheDesk):
+    """A server that hangs or is killed. The frames are played in real time, and those that were tracked are counted."""
+    FRAMES = 450
 
     def test_a_server_that_hangs_for_five_seconds_while_the_map_starts(self):
         with ServerProcess() as server:
