@@ -58,6 +58,16 @@ def at_least(least):
     return parse
 
 
+def add_niceness(parser, who):
+    parser.add_argument("--nice", type=at_least(0), default=0, metavar="N", help=f"niceness of {who}, which at a site have machines "
+                        "of their own: with 19 they take what server and builder leave (default: %(default)s)")
+
+
+def giving_way(arguments):
+    """What goes before the words of a process that has the niceness of add_niceness."""
+    return ["nice", "-n", str(arguments.nice)] if arguments.nice else []
+
+
 def output_file(text):
     """A type for argparse: a path for `write_json`."""
     path = pathlib.Path(text)
