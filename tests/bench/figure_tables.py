@@ -18,9 +18,9 @@ def median_of(rows, *path):
 def of_accuracy(results):
     """run-accuracy: each recording and pace, medians of its runs."""
     columns = ["runs", "map at frame", "tracked, %", "on time, %", "ATE, mm", "RPE over 1 s, mm", "CPU p50, ms", "CPU p99, ms", "CPU p50 by OpenCV's FAST",
-               "keyframes", "points", "server, MB a keyframe"]
-    keys = ["first_map_frame", "tracked_percent", "on_time_percent", "ate_mm", "rpe_mm", "cpu_ms_p50", "cpu_ms_p99", "cpu_by_yardstick", "keyframes",
-            "points", "server_mb_per_keyframe"]
+               "before the map, CPU p95, ms", "points tried", "found", "keyframes", "points", "map, MB a keyframe", "server, MB a keyframe"]
+    keys = ["first_map_frame", "tracked_percent", "on_time_percent", "ate_mm", "rpe_mm", "cpu_ms_p50", "cpu_ms_p99", "cpu_by_yardstick", "start_ms_p95",
+            "attempted_p50", "found_p50", "keyframes", "points", "map_mb_per_keyframe", "server_mb_per_keyframe"]
     runs = {}
     for result in results:
         runs.setdefault(f"{result['sequence']}, {result['pace']}", []).append(result)
@@ -58,7 +58,8 @@ def of_readers(results):
     keys = {"server, cores": ("server_cores",), "readers, cores": ("readers_cores",), "server's peak, MB": ("server_peak_mb",),
             "verdict p50, ms": ("verdict_p50_ms",), "verdict p95, ms": ("verdict_p95_ms",),
             "keyframe to points p95, ms": ("keyframe_to_points_ms", "p95")}
-    return list(keys), {f"{row['readers']} readers": [median_of([row], *path) for path in keys.values()] for row in results}
+    name = lambda row: f"{row['readers']} readers" + (f", niceness {row['nice']}" if row.get("nice") else "")
+    return list(keys), {name(row): [median_of([row], *path) for path in keys.values()] for row in results}
 
 
 def of_idle(results):
