@@ -52,8 +52,7 @@ void RigCommander::want(RigAim aim) {
   ++wants_;
   rests_ = false;
   looking_ = Looking::kNot;
-  poor_view_.reset();
-  takes_poor_view_ = false;
+  if (!has_found_enough()) found_ = Nothing();
   sighting_.reset();
   ordered_ = {};
   order_.mode = RigMode::kIdle;  // said again it begins anew: lock takes another direction
@@ -126,9 +125,9 @@ void RigCommander::remember(MapId map, const Eigen::Vector3d& direction) {
 /// Whether the search that was asked for goes on in spite of this sight, which is kept for later: at the edge
 /// of a map a few points are in sight, and a better view is near.
 bool RigCommander::passes_by(const RigSight& sight, const std::optional<Eigen::Vector3d>& direction) {
-  if (aim_ != RigAim::kSearch || is_found_ || !sight.poor || takes_poor_view_ || !state_ || !direction)
-    return false;
-  if (!poor_view_) poor_view_ = PoorView{*direction, state_->looked_at};
+  const bool would_do = has_found_enough() || std::holds_alternative<NothingBetter>(found_);
+  if (aim_ != RigAim::kSearch || !sight.poor || would_do || !state_ || !direction) return false;
+  if (std::holds_alternative<Nothing>(found_)) found_ = PoorView{*direction, state_->looked_at};
   looking_ = Looking::kSearching;
   return !is_round_over();
 }
@@ -136,16 +135,16 @@ bool RigCommander::passes_by(const RigSight& sight, const std::optional<Eigen::V
 /// The share of places looked at begins anew with each round. It also falls a little where a sway brings
 /// other places within reach; a poor view is then taken early, no worse.
 bool RigCommander::is_round_over() const {
-  return poor_view_ && state_ && state_->looked_at < poor_view_->looked_at / 2;
+  const auto* poor_view = std::get_if<PoorView>(&found_);
+  return poor_view != nullptr && state_ && state_->looked_at < poor_view->looked_at / 2;
 }
 
 /// Back to the poor view, as a place where the camera may be found.
 void RigCommander::look_again() {
-  takes_poor_view_ = true;
   looking_ = Looking::kAtCandidate;
-  candidate_at_ = poor_view_->direction;
+  candidate_at_ = std::get<PoorView>(found_).direction;
   candidate_since_.reset();
-  poor_view_.reset();
+  found_ = NothingBetter();
 }
 
 void RigCommander::see(const RigSight& sight) {
@@ -155,9 +154,7 @@ void RigCommander::see(const RigSight& sight) {
     if (direction) remember(sight.map, *direction);
     lost_since_.reset();
     if (passes_by(sight, direction)) return;
-    is_found_ = true;
-    poor_view_.reset();
-    takes_poor_view_ = false;
+    found_ = Enough();
     looking_ = Looking::kNot;
     return;
   }
@@ -165,14 +162,14 @@ void RigCommander::see(const RigSight& sight) {
     lost_since_.reset();
     return;
   }
-  is_found_ = false;
+  if (has_found_enough()) found_ = Nothing();
   if (is_round_over() && looking_ != Looking::kAtCandidate) look_again();
   if (!lost_since_) lost_since_ = sight.time;
   if (looking_ == Looking::kAtCandidate) {
     if (sight.verifying || !candidate_since_) candidate_since_ = sight.time;
     if (sight.time - *candidate_since_ <= kCandidateTime) return;
     looking_ = Looking::kSearching;  // it was none
-    takes_poor_view_ = false;
+    if (std::holds_alternative<NothingBetter>(found_)) found_ = Nothing();
   }
   if (looking_ == Looking::kNot && aim_ != RigAim::kNeutral && sight.time - *lost_since_ >= kSearchAfter) {
     looking_ = Looking::kSearching;
@@ -214,9 +211,9 @@ wire::RigCommand RigCommander::aimed() const {
     order.target = candidate_at_;
   } else if (looking_ == Looking::kSearching || aim_ == RigAim::kSearch) {
     // Who is found is not led away.
-    order.mode = is_found_ ? RigMode::kLock : RigMode::kSearch;
+    order.mode = has_found_enough() ? RigMode::kLock : RigMode::kSearch;
     order.pattern = pattern_;
-    if (is_found_ || seen_at_.empty()) return order;
+    if (has_found_enough() || seen_at_.empty()) return order;
     order.target = seen_at_.front().direction;
     for (auto heading = seen_at_.begin() + 1; heading != seen_at_.end(); ++heading)
       order.further.push_back(heading->direction);

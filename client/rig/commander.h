@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "common/base/time.h"
@@ -89,15 +90,21 @@ class RigCommander {
     Eigen::Vector3d direction;  ///< in the rig's world
   };
 
-  struct PoorView {
+  /// What the camera has found, by which a search goes on or ends.
+  struct Nothing {};
+  struct PoorView {             ///< the first that this search went past
     Eigen::Vector3d direction;  ///< in the rig's world
     double looked_at = 0;       ///< wire::RigState::looked_at then
   };
+  struct NothingBetter {};  ///< than the poor view to which the camera was turned back: it will do
+  struct Enough {};         ///< tracked well enough to end a search, and not lost since
+  using Found = std::variant<Nothing, PoorView, NothingBetter, Enough>;
 
   void remember(MapId map, const Eigen::Vector3d& direction);
   [[nodiscard]] bool passes_by(const RigSight& sight, const std::optional<Eigen::Vector3d>& direction);
   [[nodiscard]] bool is_round_over() const;
   void look_again();
+  [[nodiscard]] bool has_found_enough() const { return std::holds_alternative<Enough>(found_); }
   [[nodiscard]] wire::RigCommand wanted() const;
   [[nodiscard]] wire::RigCommand aimed() const;
   [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp image) const;
@@ -114,10 +121,8 @@ class RigCommander {
   bool stop_asked_ = false;
   bool clear_asked_ = false;
   bool closed_ = false;
-  bool rests_ = false;                 ///< was stopped: a person begins anew
-  bool is_found_ = false;              ///< tracked well enough to end a search, and not lost since
-  std::optional<PoorView> poor_view_;  ///< the first that this search went past
-  bool takes_poor_view_ = false;       ///< nothing better was found
+  bool rests_ = false;  ///< was stopped: a person begins anew
+  Found found_;
   std::optional<Timestamp> lost_since_;
   std::optional<Timestamp> candidate_since_;
   std::vector<Heading> seen_at_;  ///< where the camera looked when it was tracked last in a map, newest first
