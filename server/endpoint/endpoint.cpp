@@ -84,6 +84,7 @@ Endpoint::Endpoint(const ServiceOptions& options, MapService::Executors executor
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(log),
+      site_(site),
       door_(std::move(keys), log, options.refused),
       look_for_gone_at_(clock_->now() + kLookForGone),
       service_(
@@ -198,7 +199,7 @@ void Endpoint::take_messages() {
     service_.take(who, std::move(message));
   };
   take_commands(&readers_.cameras, [this](const Principal& who, const auto& source, const auto& camera) {
-    if (source.process) service_.take(who, *source.process, camera);
+    if (source.process) service_.sessions().announce(who, *source.process, camera);
   });
   take_states();
   take_commands(&readers_.seeds, hand_over);
@@ -222,7 +223,7 @@ void Endpoint::take_states() {
   wire::take_all(readers_.states.reader, [this](auto& sample) {
     if (!sample.message) {
       // No tracker disposes; anybody may under any key. That no writer of a key is left, the middleware says.
-      if (sample.gone == wire::Gone::kNoWriters) service_.fell_silent(sample.key.client);
+      if (sample.gone == wire::Gone::kNoWriters) service_.sessions().fell_silent(sample.key.client);
       return;
     }
     const Publications::Publication* source = identify(&readers_.states, sample);
@@ -230,7 +231,7 @@ void Endpoint::take_states() {
     wire::TrackerStateMessage& state = *sample.message;
     const std::string& name = source->client->client;
     state.wearer = door_.wearer_of(name, state.wearer);
-    if (!service_.take(door_.client(name), sample.publication, source->process, state)) return;
+    if (!service_.sessions().hear(door_.client(name), sample.publication, source->process, state)) return;
     const auto link = links_.find(name);
     if (link == links_.end()) return;
     const auto feed = link->second.feeds.find(state.map);
@@ -326,19 +327,18 @@ void Endpoint::connect(const std::string& name, ClientLink* link) {
   auto writers = ClientWriters::create(participant_, name);
   if (!writers) return log_->error("{}: cannot be served: {}", name, writers.error().message);
   link->writers = std::move(*writers);
-  service_.connect(who);
+  service_.clients().connect(who);
 }
 
 void Endpoint::disconnect(const std::string& name, ClientLink* link) {
   link->feeds.clear();
   if (!link->writers) return;
   link->writers.reset();
-  service_.disconnect(door_.client(name));
+  service_.clients().disconnect(door_.client(name));
 }
 
 void Endpoint::look_who_is_at_the_door(MonotonicTime now) {
-  for (const wire::RefusedPeer& peer : door_.refused_to_be_told(now))
-    service_.note_refused(peer.who, peer.why);
+  for (const wire::RefusedPeer& peer : door_.refused_to_be_told(now)) site_.note_refused(peer.who, peer.why);
   if (door_.look(now)) look_who_is_turned_away();
 }
 
@@ -346,7 +346,7 @@ void Endpoint::look_who_is_turned_away() {
   const auto is_turned_away = [this](const std::string& client) {
     return door_.is_turned_away(IdentityRole::kClient, client);
   };
-  service_.withdraw_offers(is_turned_away);
+  service_.clients().withdraw_offers(is_turned_away);
   // Its writer keeps the last answer for whoever comes with those keys.
   std::erase_if(operators_, [this](const auto& known) {
     return door_.is_turned_away(IdentityRole::kOperator, known.first);
@@ -364,8 +364,7 @@ void Endpoint::look_who_is_turned_away() {
 
 bool Endpoint::turns_away(IdentityRole role, const Principal& who) {
   if (!door_.is_turned_away(role, who.name)) return false;
-  if (door_.is_to_be_told(role, who.name, clock_->now()))
-    service_.note_turned_away(who, Doorkeeper::kRevoked);
+  if (door_.is_to_be_told(role, who.name, clock_->now())) site_.note_turned_away(who, Doorkeeper::kRevoked);
   return true;
 }
 
@@ -374,7 +373,7 @@ void Endpoint::open_wanted_feeds(const std::string& name, ClientLink* link) {
   if (door_.is_turned_away(IdentityRole::kClient, name)) return;
   for (const auto& [map, readers] : link->wanted) {
     if (link->feeds.contains(map)) continue;
-    const std::optional<FollowedMap> followed = service_.follow(who, map);
+    const std::optional<FollowedMap> followed = service_.maps().follow(who, map);
     if (!followed) continue;
     const MonotonicTime now = clock_->now();
     if (link->feed_failed_at && now - *link->feed_failed_at < kFeedRetry) return;

@@ -47,7 +47,7 @@ class Endpoint : private ServiceOutput {
   void stop();
   /// See Service. Thread-safe.
   void publish(MapSnapshotPtr snapshot);
-  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const { return service_.maps(); }
+  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const { return service_.maps().all(); }
   [[nodiscard]] const wire::NetworkPath& network() const { return participant_.path(); }
   /// Hands what has changed in all maps to the store. After stop(), when the executors have ended.
   void save_last_changes() { service_.save_last_changes(); }
@@ -120,6 +120,7 @@ class Endpoint : private ServiceOutput {
   wire::Participant participant_;
   Readers readers_;
   Logger log_;
+  SiteAccess& site_;
   Doorkeeper door_;
   std::map<std::string, ClientLink> links_;
   std::map<MapId, std::weak_ptr<SerializedBlocks>> blocks_;  ///< there while somebody is sent the map

@@ -41,20 +41,20 @@ void Clients::forget_old(const std::string& keep) {
         oldest = it;
     }
     if (oldest == clients_.end()) return;
-    left_(oldest->first);
+    listener_.left(oldest->first);
     names_.erase(oldest->second.id);
     clients_.erase(oldest);
   }
 }
 
-Client& Clients::connect(const Principal& who) {
+void Clients::connect(const Principal& who) {
   Client& client = of(who);
   client.connected = true;
   client.maps_told.clear();
   client.cameras_told.clear();
   context_.log->info("{}: connected", client.name);
   write_verdicts(client);
-  return client;
+  listener_.came(client);
 }
 
 void Clients::disconnect(const Principal& who) {
@@ -62,7 +62,13 @@ void Clients::disconnect(const Principal& who) {
   context_.log->info("{}: left", client.name);
   client.connected = false;
   client.left_at = context_.now();
-  left_(client.name);
+  listener_.left(client.name);
+}
+
+void Clients::withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away) {
+  for (auto& [name, client] : clients_) {
+    if (is_turned_away(name)) client.pending_offers.withdraw([](const PendingOffers::What&) { return true; });
+  }
 }
 
 void Clients::resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted) {

@@ -20,8 +20,14 @@ class Clients {
   explicit Clients(const ServiceContext& context) : context_(context) {}
   Clients(const Clients&) = delete;
   Clients& operator=(const Clients&) = delete;
-  /// `left` is called when a client has gone, or is not remembered any more. Before anything else.
-  void listen(std::function<void(const std::string& name)> left) { left_ = std::move(left); }
+  struct Listener {
+    /// It is connected, and has been told its verdicts.
+    std::function<void(Client& client)> came;
+    /// It has gone, or is not remembered any more.
+    std::function<void(const std::string& name)> left;
+  };
+  /// Before anything else.
+  void listen(Listener listener) { listener_ = std::move(listener); }
 
   /// New, if nobody was called so; another that has long gone may be forgotten for it.
   [[nodiscard]] Client& of(const Principal& who);
@@ -31,9 +37,11 @@ class Clients {
   [[nodiscard]] std::map<std::string, Client>& all() { return clients_; }
   [[nodiscard]] const std::map<std::string, Client>& all() const { return clients_; }
 
-  /// It listens, and is told its verdicts.
-  Client& connect(const Principal& who);
+  /// It listens, and is told what there is. And does so no more.
+  void connect(const Principal& who);
   void disconnect(const Principal& who);
+  /// Of such clients, what they have offered and nothing has judged yet is not taken any more.
+  void withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away);
   /// What was decided on before the server started: a client that sends it again is answered.
   void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
@@ -51,7 +59,7 @@ class Clients {
   void forget_old(const std::string& keep);
 
   const ServiceContext& context_;
-  std::function<void(const std::string& name)> left_;
+  Listener listener_;
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   const WaitingBytes waiting_bytes_ = std::make_shared<std::atomic<size_t>>(0);

@@ -146,7 +146,7 @@ void MapAdministration::answer_without_map(const std::string& verb, const std::s
 }
 
 void MapAdministration::undelete(const std::string& wanted, const AdminAnswer& answer) {
-  const auto [id, entry] = maps_.find_called(wanted);
+  const auto [id, entry] = find_called(maps_.array(), wanted);
   std::optional<told::BusyMap> live;
   if (entry != nullptr) live = overview_.describe(id, *entry);
   const std::string full = capacity_.why_full();

@@ -99,6 +99,14 @@ size_t MapArray::idle_count() const {
       std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_idle(entry.second); }));
 }
 
+std::pair<MapId, MapEntry*> find_called(MapArray& maps, const std::string& name_or_id) {
+  for (const auto& [id, entry] : maps.all()) {
+    if (entry.snapshot != nullptr && (entry.name == name_or_id || to_hex(id.bytes) == name_or_id))
+      return {id, maps.find(id)};
+  }
+  return {};
+}
+
 bool is_idle(const MapEntry& entry) {
   return entry.statistics.without_images > 0;
 }

@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/map/snapshot.h"
@@ -114,6 +115,9 @@ class MapArray {
   std::map<MapId, MapEntry> maps_;
   size_t bytes_ = 0;  ///< bytes_of() all entries
 };
+
+/// One that has been shown, by its name or id. Null: there is none.
+[[nodiscard]] std::pair<MapId, MapEntry*> find_called(MapArray& maps, const std::string& name_or_id);
 
 /// What a client that has this right is told of a map that has been made.
 [[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right);

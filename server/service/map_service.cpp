@@ -35,10 +35,10 @@ MapService::MapService(const MapServiceOptions& options, Executors executors, Ma
       archives_(context_, capacity_, map_administration_),
       versions_(context_, maps_, labels_, capacity_, map_administration_, overview_),
       store_administration_(context_, maps_.array(), archives_),
-      site_administration_(context_, maps_, clients_, news_),
+      site_administration_(context_, maps_.array(), clients_, news_),
       label_administration_(labels_),
       proposal_administration_(context_, maps_, capacity_, proposals_.registry()),
-      operators_(context_, maps_,
+      operators_(context_, maps_.array(),
                  {overview_, sessions_, rigs_, site_administration_, map_administration_, archives_,
                   versions_, label_administration_, proposal_administration_, store_administration_}),
       next_tick_(context_.now()) {
@@ -49,7 +49,8 @@ MapService::MapService(const MapServiceOptions& options, Executors executors, Ma
 
 /// Who is told of what happens in another's part.
 void MapService::listen() {
-  clients_.listen([this](const std::string& name) { sessions_.left(name); });
+  clients_.listen({[this](Client& client) { on_newcomer(client); },
+                   [this](const std::string& name) { sessions_.left(name); }});
   maps_.listen({[this](ResumedMap& map) {
                   proposals_.registry().restore(map.header.id, std::move(map.proposals), map.last_proposal);
                 },
@@ -93,8 +94,9 @@ void MapService::publish(MapSnapshotPtr snapshot) {
   maps_.change(map, {std::move(snapshot), {}, {}});
 }
 
-std::vector<MapSnapshotPtr> MapService::maps() const {
-  return maps_.snapshots();
+void MapService::on_newcomer(Client& client) {
+  next_tick_ = context_.now();  // it learns at once who serves it
+  news_.tell_newcomer(client);
 }
 
 /// From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
@@ -135,35 +137,6 @@ void MapService::tick(MonotonicTime now) {
   news_.tell_due();
 }
 
-void MapService::connect(const Principal& who) {
-  Client& client = clients_.connect(who);
-  next_tick_ = context_.now();  // the newcomer learns at once who serves it
-  news_.tell_newcomer(client);
-}
-
-void MapService::disconnect(const Principal& who) {
-  clients_.disconnect(who);
-}
-
-std::optional<FollowedMap> MapService::follow(const Principal& who, MapId map) const {
-  const auto found = maps_.array().all().find(map);
-  if (found == maps_.array().all().end() || found->second.snapshot == nullptr) return std::nullopt;
-  if (!context_.access().may_read(who, map)) return std::nullopt;
-  FollowedMap followed{found->second.snapshot, {}};
-  for (Label& label : found->second.labels.all())
-    followed.labels.push_back({map, followed.newest->epoch, std::move(label)});
-  return followed;
-}
-
-void MapService::take(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera) {
-  sessions_.announce(who, process, camera);
-}
-
-bool MapService::take(const Principal& who, wire::PublicationHandle publication,
-                      std::optional<wire::PeerId> process, const wire::TrackerStateMessage& state) {
-  return sessions_.hear(who, publication, process, state);
-}
-
 void MapService::take(const Principal& who, wire::MapSeed seed) {
   commands_.take(who, std::move(seed));
 }
@@ -186,28 +159,6 @@ void MapService::take(const Principal& who, const wire::AdminRequest& request) {
 
 void MapService::take(const wire::RigState& rig) {
   for (const std::string& line : rigs_.heard(rig, context_.now())) context_.log->info("{}", line);
-}
-
-void MapService::fell_silent(ClientId client) {
-  sessions_.fell_silent(client);
-}
-
-void MapService::withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away) {
-  for (auto& [name, client] : clients_.all()) {
-    if (is_turned_away(name)) client.pending_offers.withdraw([](const PendingOffers::What&) { return true; });
-  }
-}
-
-void MapService::note_refused(const std::string& who, const std::string& why) {
-  context_.log->warn("{} was not let in: {}", who, why);
-  context_.site.note({0, context_.site.policy()->now(), who, "not let in", {}, why});
-}
-
-void MapService::note_turned_away(const Principal& who, const std::string& why) {
-  const bool is_client = who.kind == Principal::Kind::kClient;
-  const std::string object = (is_client ? "client " : "operator ") + who.name;
-  context_.log->warn("{} is turned away: {}", object, why);
-  context_.site.note({0, context_.site.policy()->now(), object, "turned away", {}, why});
 }
 
 }  // namespace cairn

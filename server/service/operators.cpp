@@ -125,7 +125,7 @@ void Operators::pass_on(const Principal& who, const AskedOfServer& asks, const s
       [&](const asked::Verify& ask) { desks_.store.take(ask, answer); },
       [&](const asked::VerifyPart& ask) { desks_.store.take(ask, answer); },
       [&](const asked::Proposals& ask) {
-        const bool is_known = ask.map.empty() || maps_.find_called(ask.map).second != nullptr;
+        const bool is_known = ask.map.empty() || find_called(maps_, ask.map).second != nullptr;
         if (!is_known) return desks_.maps.answer_without_map(asks.verb, ask.map, answer);
         of_proposals(ask);
       },
@@ -139,7 +139,7 @@ void Operators::pass_on(const Principal& who, const AskedOfServer& asks, const s
 
 void Operators::pass_on(const Principal& who, const std::string& verb, const asked::OfMap& ask,
                         const AdminAnswer& answer) {
-  const auto [id, entry] = maps_.find_called(ask.map);
+  const auto [id, entry] = find_called(maps_, ask.map);
   if (entry == nullptr) return desks_.maps.answer_without_map(verb, ask.map, answer);
   const Overloaded cases{
       [&, id = id, entry = entry](const asked::Show&) { desks_.overview.show(id, *entry, answer); },

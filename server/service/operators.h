@@ -35,7 +35,7 @@ class Operators {
     ProposalAdministration& proposals;
     StoreAdministration& store;
   };
-  Operators(const ServiceContext& context, ServedMaps& maps, Desks desks)
+  Operators(const ServiceContext& context, MapArray& maps, Desks desks)
       : context_(context), maps_(maps), desks_(desks) {}
   Operators(const Operators&) = delete;
   Operators& operator=(const Operators&) = delete;
@@ -55,7 +55,7 @@ class Operators {
   void kick(const std::string& client, const AdminAnswer& answer);
 
   const ServiceContext& context_;
-  ServedMaps& maps_;
+  MapArray& maps_;
   const Desks desks_;
   AdminGate gate_;
   RateLimit output_trouble_;

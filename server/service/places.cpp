@@ -127,8 +127,8 @@ void Places::take(const Principal& who, wire::RelocQuery message) {
     return refuse(client, command, unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
   client.query_in_work = true;
-  const WearerRule::Search search =
-      sessions_.wearers().search(client.name, maps_.readable_by(client.principal()), context_.now());
+  const WearerRule::Search search = sessions_.wearers().search(
+      client.name, maps_.published().readable_by(client.principal()), context_.now());
   context_.executors.queries.submit([this, name = client.name, command,
                                      camera = best_known(client, message.camera, *announced),
                                      message = std::move(message), search]() mutable {
@@ -149,7 +149,7 @@ void Places::look_up(const std::string& client, const CameraPtr& camera, wire::R
     context_.post([this, client, command, in_part, answer = std::move(answer)]() mutable {
       const Client* asking = clients_.find(client);
       if (asking == nullptr) return;
-      const MapSet readable_now = maps_.readable_by(asking->principal());
+      const MapSet readable_now = maps_.published().readable_by(asking->principal());
       // Its rights may have changed while the place was looked for.
       leave_out_others(readable_now, &answer);
       on_answered(

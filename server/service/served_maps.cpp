@@ -10,29 +10,6 @@
 
 namespace cairn {
 
-std::pair<MapId, MapEntry*> ServedMaps::find_called(const std::string& name_or_id) {
-  for (const auto& [id, entry] : array_.all()) {
-    if (entry.snapshot != nullptr && (entry.name == name_or_id || to_hex(id.bytes) == name_or_id))
-      return {id, array_.find(id)};
-  }
-  return {};
-}
-
-MapSet ServedMaps::readable_by(const Principal& who) const {
-  std::vector<MapId> served;
-  for (const auto& [map, entry] : array_.all()) {
-    if (entry.snapshot) served.push_back(map);
-  }
-  return context_.access().readable(who, served);
-}
-
-std::vector<MapSnapshotPtr> ServedMaps::snapshots() const {
-  const std::scoped_lock lock(mutex_);
-  std::vector<MapSnapshotPtr> snapshots;
-  for (const auto& [map, snapshot] : published_) snapshots.push_back(snapshot);
-  return snapshots;
-}
-
 std::shared_ptr<MapRunner> ServedMaps::make_runner(MapId map) {
   const Post& post = context_.post;
   MapRunner::Listener listener;
@@ -120,10 +97,7 @@ void ServedMaps::change(MapId map, MapRevision revision) {
     return;  // from before a roll-back
   array_.show(entry, snapshot, std::move(revision.statistics));
   entry->used_at = context_.now();
-  {
-    const std::scoped_lock lock(mutex_);
-    published_[map] = snapshot;
-  }
+  published_.show(snapshot);
   listener_.shown(map, *entry, std::move(revision));
 }
 
@@ -133,10 +107,7 @@ void ServedMaps::forget(MapId map) {
   if (entry == nullptr) return;
   const bool was_shown = entry->snapshot != nullptr;
   array_.remove(map);
-  {
-    const std::scoped_lock lock(mutex_);
-    published_.erase(map);
-  }
+  published_.remove(map);
   listener_.gone(map, was_shown);
 }
 

@@ -2,19 +2,17 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "common/map/map_set.h"
 #include "server/relocalization/place_index.h"
 #include "server/service/map_array.h"
 #include "server/service/map_runner.h"
+#include "server/service/published_maps.h"
 #include "server/service/service_context.h"
 #include "server/service/young_maps.h"
 
@@ -48,7 +46,9 @@ class ServedMaps {
     std::function<void(MapId map, bool was_shown)> gone;
   };
   explicit ServedMaps(const ServiceContext& context)
-      : context_(context), array_(context.options.seed, context.options.entropy) {}
+      : context_(context),
+        array_(context.options.seed, context.options.entropy),
+        published_(context, array_) {}
   ServedMaps(const ServedMaps&) = delete;
   ServedMaps& operator=(const ServedMaps&) = delete;
   /// Before anything else.
@@ -57,12 +57,7 @@ class ServedMaps {
   [[nodiscard]] MapArray& array() { return array_; }
   [[nodiscard]] const MapArray& array() const { return array_; }
   [[nodiscard]] YoungMaps& young() { return young_; }
-  /// One that has been shown, by its name or id. Null: there is none.
-  [[nodiscard]] std::pair<MapId, MapEntry*> find_called(const std::string& name_or_id);
-  /// The maps in which somebody may find himself.
-  [[nodiscard]] MapSet readable_by(const Principal& who) const;
-  /// The newest revision of each, by id. Thread-safe.
-  [[nodiscard]] std::vector<MapSnapshotPtr> snapshots() const;
+  [[nodiscard]] const PublishedMaps& published() const { return published_; }
 
   /// What makes a map. Thread-safe.
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
@@ -87,11 +82,9 @@ class ServedMaps {
   const ServiceContext& context_;
   Listener listener_;
   MapArray array_;
+  PublishedMaps published_;
   YoungMaps young_;
   bool memory_freed_ = false;  ///< by evicted images, since memory was last given back
-
-  mutable std::mutex mutex_;  ///< of what follows
-  std::map<MapId, MapSnapshotPtr> published_;
 };
 
 }  // namespace cairn

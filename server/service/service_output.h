@@ -37,7 +37,7 @@ class ServiceOutput {
   /// To an operator, once more where he asks again.
   [[nodiscard]] virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
 
-  /// A map has another revision, its first perhaps: for all that follow it (MapService::follow()).
+  /// A map has another revision, its first perhaps: for all that follow it (PublishedMaps::follow()).
   virtual void revised(MapId map, const MapSnapshotPtr& newest) = 0;
   virtual void labelled(const wire::LabelMessage& label) = 0;
   virtual void label_removed(MapId map, LabelId label) = 0;

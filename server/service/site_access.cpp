@@ -156,6 +156,18 @@ void SiteAccess::note(AuditEntry entry) {
   executors_->site.submit(write, Urgency::kUrgent);  // in the order in which it was done
 }
 
+void SiteAccess::note_refused(const std::string& who, const std::string& why) {
+  log_->warn("{} was not let in: {}", who, why);
+  note({0, policy_->now(), who, "not let in", {}, why});
+}
+
+void SiteAccess::note_turned_away(const Principal& who, const std::string& why) {
+  const bool is_client = who.kind == Principal::Kind::kClient;
+  const std::string object = (is_client ? "client " : "operator ") + who.name;
+  log_->warn("{} is turned away: {}", object, why);
+  note({0, policy_->now(), object, "turned away", {}, why});
+}
+
 void SiteAccess::find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done) {
   if (file_ == nullptr)
     return done(fail(ErrorCode::kRefused, "this server has no --store: it keeps no audit log"));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "server/access/principal.h"
 #include "server/access/rights_policy.h"
 #include "server/service/executor.h"
 #include "server/service/rights_verbs.h"
@@ -57,6 +58,10 @@ class SiteAccess {
   [[nodiscard]] const Rights& rights() const { return newest_; }
   /// Writes an entry into the audit log, soon. What the disk does not take is in the server's log only.
   void note(AuditEntry entry);
+  /// Likewise, and into the server's log: somebody was not let in by the transport, as who he says he is.
+  void note_refused(const std::string& who, const std::string& why);
+  /// Likewise: somebody is not heard, or is not any more, though he speaks.
+  void note_turned_away(const Principal& who, const std::string& why);
   /// Error kRefused: nothing is kept.
   void find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done);
 

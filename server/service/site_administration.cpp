@@ -24,7 +24,7 @@ void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& ne
 }
 
 std::optional<NamedMap> SiteAdministration::named_map(const std::string& name_or_id) {
-  const auto [id, entry] = maps_.find_called(name_or_id);
+  const auto [id, entry] = find_called(maps_, name_or_id);
   if (entry == nullptr) return std::nullopt;
   const MapStatistics& now = entry->statistics;
   return NamedMap{id, entry->name, {now.bounds_min.cast<double>(), now.bounds_max.cast<double>()}};
@@ -47,7 +47,7 @@ void SiteAdministration::take(const std::string& operator_name, const asked::Cha
 void SiteAdministration::take(const asked::Rights&, const AdminAnswer& answer) {
   const SiteAccess& site = context_.site;
   told::Rights told{site.rights().table(), {}, site.policy()->now(), site.secured_since(), site.is_kept()};
-  for (const auto& [map, entry] : maps_.array().all()) told.names[map] = entry.name;
+  for (const auto& [map, entry] : maps_.all()) told.names[map] = entry.name;
   answer(std::move(told));
 }
 

@@ -17,7 +17,7 @@ void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& ne
 /// service's thread.
 class SiteAdministration {
  public:
-  SiteAdministration(const ServiceContext& context, ServedMaps& maps, Clients& clients, MapNews& news)
+  SiteAdministration(const ServiceContext& context, MapArray& maps, Clients& clients, MapNews& news)
       : context_(context), maps_(maps), clients_(clients), news_(news) {}
   SiteAdministration(const SiteAdministration&) = delete;
   SiteAdministration& operator=(const SiteAdministration&) = delete;
@@ -34,7 +34,7 @@ class SiteAdministration {
   [[nodiscard]] std::optional<NamedMap> named_map(const std::string& name_or_id);
 
   const ServiceContext& context_;
-  ServedMaps& maps_;
+  MapArray& maps_;
   Clients& clients_;
   MapNews& news_;
 };

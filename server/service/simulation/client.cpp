@@ -99,13 +99,13 @@ void SimulatedClient::act() {
       state.state = TrackingState::kTracking;
     }
     world_.send(name_, [=, name = name_, process = process_, publication = publication_](ServerRun& server) {
-      (void)server.service().take(client_principal(name), publication, process, state);
+      (void)server.service().sessions().hear(client_principal(name), publication, process, state);
     });
     wire::CameraMessage camera;
     camera.client = id_;
     camera.parameters = Views::of_place(0).camera()->parameters();
     world_.send(name_, [=, name = name_, process = process_](ServerRun& server) {
-      server.service().take(client_principal(name), process, camera);
+      server.service().sessions().announce(client_principal(name), process, camera);
     });
   }
   if (now >= send_at_) {

@@ -5,12 +5,12 @@ namespace cairn::simulation {
 
 void InProcess::connect(const std::string& client) {
   links_[client].is_connected = true;
-  service_->connect(client_principal(client));
+  service_->clients().connect(client_principal(client));
 }
 
 void InProcess::disconnect(const std::string& client) {
   links_.erase(client);
-  service_->disconnect(client_principal(client));
+  service_->clients().disconnect(client_principal(client));
 }
 
 void InProcess::want(const std::string& client, MapId map) {
@@ -28,7 +28,7 @@ void InProcess::want_no_more(const std::string& client, MapId map) {
 void InProcess::open_feeds(const std::string& client, Link* link) {
   for (const MapId map : link->wanted) {
     if (link->fed.contains(map)) continue;
-    const auto followed = service_->follow(client_principal(client), map);
+    const auto followed = service_->maps().follow(client_principal(client), map);
     if (!followed) continue;
     link->fed.insert(map);
     listener_.delivered(client, followed->newest);

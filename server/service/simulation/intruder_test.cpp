@@ -22,7 +22,7 @@ class Intruder : public LoneClientFixture {
   }
   bool hears(const wire::TrackerStateMessage& state, wire::PublicationHandle publication,
              wire::PeerId process) {
-    return server_->service().take(client_principal(kClient), publication, process, state);
+    return server_->service().sessions().hear(client_principal(kClient), publication, process, state);
   }
   void flood_with_states() {
     speak();
@@ -34,7 +34,7 @@ class Intruder : public LoneClientFixture {
     camera.client = id_;
     camera.camera = number;
     camera.parameters = views_.camera()->parameters();
-    server_->service().take(client_principal(kClient), process, camera);
+    server_->service().sessions().announce(client_principal(kClient), process, camera);
   }
   void flood_with_cameras() {
     for (int i = 0; i < kFlood; ++i) announce(other_process_, 0);

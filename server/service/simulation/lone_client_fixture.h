@@ -72,7 +72,7 @@ class LoneClientFixture : public ::testing::Test {
     wire::CameraMessage camera;
     camera.client = id_;
     camera.parameters = views_.camera()->parameters();
-    server_->service().take(client_principal(kClient), process_, camera);
+    server_->service().sessions().announce(client_principal(kClient), process_, camera);
   }
   void begin_again() {
     server_->end();
@@ -85,7 +85,7 @@ class LoneClientFixture : public ::testing::Test {
     wire::TrackerStateMessage state;
     state.client = id_;
     state.session = session_;
-    (void)server_->service().take(client_principal(kClient), publication_, process_, state);
+    (void)server_->service().sessions().hear(client_principal(kClient), publication_, process_, state);
   }
   /// All that is to be done now.
   void settle() {

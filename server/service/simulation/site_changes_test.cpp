@@ -33,7 +33,7 @@ class SiteChanges : public LoneClientFixture {
 
 TEST_F(SiteChanges, WhatIsRevokedIsGoneAndWhatIsGrantedIsThere) {
   EXPECT_EQ(ask({{"verb", "rights-grant"}, {"to", "client anna"}, {"map", "desk"}, {"right", "none"}}), "");
-  EXPECT_FALSE(server_->service().follow(client_principal(kClient), map_));
+  EXPECT_FALSE(server_->service().maps().follow(client_principal(kClient), map_));
   EXPECT_THAT(judge(sound_offer(6)), HasSubstr("does not know the map"));
   EXPECT_EQ(ask({{"verb", "rights-grant"}, {"to", "client anna"}, {"map", "desk"}, {"right", "write"}}), "");
   EXPECT_EQ(judge(sound_offer(6)), "");

@@ -26,9 +26,9 @@ class Withdrawn : public LoneClientFixture {
   /// So many tasks of the server, then the keys of its client are revoked.
   void revoke_after(int tasks) {
     for (int i = 0; i < tasks; ++i) (void)server_->run_something();
-    server_->service().withdraw_offers([](const std::string&) { return true; });
+    server_->service().clients().withdraw_offers([](const std::string&) { return true; });
   }
-  [[nodiscard]] size_t maps() const { return server_->service().maps().size(); }
+  [[nodiscard]] size_t maps() const { return server_->service().maps().all().size(); }
   [[nodiscard]] size_t proposals() {
     EXPECT_EQ(ask(R"({"verb": "proposals"})"), "");
     return json::parse(reply_->text)["proposals"].size();
