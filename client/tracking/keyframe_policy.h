@@ -11,8 +11,8 @@ struct KeyframePolicyOptions {
   double shortest_wait =
       0.1;  ///< of these frames, far beyond the distance: a camera that moves fast would run out of its map
   double distance = 0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  /// Of the points found at best since the last keyframe: below, one is needed soon if the frame shows what
-  /// the map does not know.
+  /// Of the points found at best since the last offer, which the server may refuse: below, one is needed soon
+  /// if the frame shows what the map does not know.
   float running_out = 0.9F;
   float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before

@@ -12,8 +12,7 @@
 
 namespace cairn {
 
-/// Numbers on the wire and in files; grow only at the end. A model is added here, in camera_models.h and in
-/// the registry of camera.cpp.
+/// Numbers on the wire and in files; grow only at the end. README.md says what a new model needs besides.
 enum class CameraModel : uint8_t {
   kPinholeRadtan = 0,  ///< [fx fy cx cy k1 k2 p1 p2 k3], OpenCV's plumb bob; k3 may be 0
   kKannalaBrandt = 1,  ///< [fx fy cx cy k1 k2 k3 k4], OpenCV's fisheye, Kalibr's equidistant

@@ -23,7 +23,6 @@ using calibration::wrong;
 
 constexpr size_t kMaxCalibrationBytes = size_t{1} << 20;
 constexpr size_t kRadtanValues = 9;
-constexpr size_t kKalibrRadtanValues = 8;
 
 /// `chain.yaml#cam1`, unless a file has that very name: the file, and the camera in it.
 std::pair<std::filesystem::path, std::string> split_camera(const std::filesystem::path& path) {
@@ -135,10 +134,21 @@ void list(std::ostream& out, const double* begin, const double* end) {
   out << "]\n";
 }
 
+/// Values of a model in Kalibr's files: its radial-tangential has no k3.
+size_t kalibr_count(CameraModel model) {
+  switch (model) {
+    case CameraModel::kKannalaBrandt:
+    case CameraModel::kPinholeRadtan:
+      return 8;
+    case CameraModel::kFov:
+      return 5;
+  }
+  return 0;
+}
+
 std::string format_kalibr(const CameraParameters& parameters, std::string_view comment) {
-  const size_t count = parameters.model == CameraModel::kFov ? 5 : kKalibrRadtanValues;
   auto values = parameters.values;
-  values.resize(count, 0.0);
+  values.resize(kalibr_count(parameters.model), 0.0);
   auto text = start_text(comment);
   text << "cam0:\n  camera_model: pinhole\n  intrinsics: ";
   list(text, values.data(), values.data() + 4);

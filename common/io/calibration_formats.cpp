@@ -8,8 +8,23 @@
 namespace cairn::calibration {
 namespace {
 
-constexpr size_t kRadtanCoefficients = 5;
-constexpr size_t kFisheyeCoefficients = 4;
+struct ModelOfDistortion {
+  CameraModel model;
+  size_t coefficients;
+};
+
+ModelOfDistortion model_of(Distortion distortion) {
+  switch (distortion) {
+    case Distortion::kRadtan:
+    case Distortion::kNone:
+      break;
+    case Distortion::kEquidistant:
+      return {CameraModel::kKannalaBrandt, 4};
+    case Distortion::kFov:
+      return {CameraModel::kFov, 1};
+  }
+  return {CameraModel::kPinholeRadtan, 5};
+}
 
 }  // namespace
 
@@ -52,10 +67,8 @@ std::optional<std::vector<double>> numbers_in(const std::vector<std::string_view
 
 Result<CameraParameters> with_distortion(CameraParameters linear, Distortion distortion,
                                          std::vector<double> coefficients) {
-  const bool is_radtan = distortion == Distortion::kRadtan || distortion == Distortion::kNone;
-  const size_t count = is_radtan                        ? kRadtanCoefficients
-                       : distortion == Distortion::kFov ? 1
-                                                        : kFisheyeCoefficients;
+  const auto [model, count] = model_of(distortion);
+  const bool is_radtan = model == CameraModel::kPinholeRadtan;
   // The rational model writes its five numbers first; a fisheye of ROS has a fifth, which is 0.
   while (coefficients.size() > count && coefficients.back() == 0) coefficients.pop_back();
   if (is_radtan && coefficients.size() > count) {
@@ -69,9 +82,7 @@ Result<CameraParameters> with_distortion(CameraParameters linear, Distortion dis
   }
   linear.values.insert(linear.values.end(), coefficients.begin(), coefficients.end());
   if (is_radtan) linear.values.resize(kRadtanValues, 0.0);
-  linear.model = is_radtan                        ? CameraModel::kPinholeRadtan
-                 : distortion == Distortion::kFov ? CameraModel::kFov
-                                                  : CameraModel::kKannalaBrandt;
+  linear.model = model;
   return linear;
 }
 

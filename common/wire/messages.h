@@ -34,7 +34,7 @@ struct CommandId {
 
 // ---- client -> server
 
-/// Topic Camera: state, keyed by (client, camera).
+/// Topic Camera: claim, keyed by (client, camera).
 struct CameraMessage {
   ClientId client;
   uint32_t camera = 0;
@@ -98,7 +98,7 @@ struct KeyframeOffer {
   bool as_proposal = false;         ///< to be kept aside at most: the client changes no map
 };
 
-/// Topic RelocQuery: query, keyed by client. A newer one replaces one that has not been taken.
+/// Topic RelocQuery: claimed query, keyed by client. A newer one replaces one that has not been taken.
 struct RelocQuery {
   ClientId client;
   CommandId command;
@@ -134,7 +134,7 @@ struct ClientRequest {
   SE3 reference_from_label;  ///< the keyframe's camera from the label
 };
 
-/// Topic TrackerState: stream, liveliness 3 s.
+/// Topic TrackerState: presence, liveliness 3 s.
 struct TrackerStateMessage {
   ClientId client;
   SessionId session;
@@ -150,7 +150,7 @@ struct TrackerStateMessage {
 
 // ---- server -> client
 
-/// Topic ServerStatus: state, liveliness MANUAL_BY_TOPIC 1 s (asserted by every write).
+/// Topic ServerStatus: status, liveliness MANUAL_BY_TOPIC 1 s (asserted by every write).
 struct ServerStatus {
   ServerId server;           ///< new with every start of a server without a store
   uint64_t start_count = 0;  ///< epoch of the server

@@ -116,7 +116,7 @@ struct RigImuSample {
 /// Of RigState: at 400 samples a second, the most that a rig takes, each is in two or three states.
 constexpr size_t kMaxRigSamples = 10;
 
-/// Topic RigState: stream.
+/// Topic RigState: presence.
 struct RigState {
   std::string rig;
   Timestamp time;                 ///< by the host's clock

@@ -3,10 +3,15 @@
 
 #include <utility>
 
+#include "common/wire/limits.h"
 #include "common/wire/partition.h"
+#include "server/service/command_gate.h"
 
 namespace cairn {
 namespace {
+
+// What a client has sent and nobody has acknowledged is still there to be sent again.
+static_assert(OfferGate::kMaxAhead < wire::kCommandDepth);
 
 /// To which of a client's writers an event goes.
 struct Dispatch {

@@ -26,7 +26,7 @@ QosPtr common_qos(QosClass qos_class) {
     case QosClass::kCommand:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
-      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kCommandDepth);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, int32_t{kCommandDepth});
       break;
     case QosClass::kClaimedQuery:
     case QosClass::kQuery:
@@ -62,8 +62,7 @@ QosPtr writer_qos(QosClass qos_class) {
 
 QosPtr reader_qos(QosClass qos_class) {
   QosPtr qos = common_qos(qos_class);
-  // Never resource limits: a full reader stops every reader of the process (reference/measured with Cyclone
-  // 0.10.2).
+  // Never resource limits: a full reader stops every reader of the process (Cyclone DDS 0.10.2).
   switch (qos_class) {
     case QosClass::kCommand:
     case QosClass::kClaim:

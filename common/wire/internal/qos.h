@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/wire/internal/entity.h"
+#include "common/wire/limits.h"
 
 /// The QoS classes of idl/README.md, all of them, in one place.
 namespace cairn::wire::internal {
@@ -21,11 +22,6 @@ enum class QosClass : uint8_t {
   kStream,        ///< newest value, lost ones are not repeated; silent writers are seen within 3 s
   kPresence,      ///< stream of a client or a rig, whose key anybody may claim: as kClaim
 };
-
-/// Commands that a writer keeps for repetition. More than any credit, so none is overwritten unacknowledged;
-/// bounded, so that a writer never waits for a dead server (a KEEP_ALL writer blocks at the high-water mark
-/// until the lease is over, measured).
-constexpr int32_t kCommandDepth = 32;
 
 [[nodiscard]] QosPtr writer_qos(QosClass qos_class);
 [[nodiscard]] QosPtr reader_qos(QosClass qos_class);
