@@ -39,7 +39,7 @@ class Wearer {
     for (double& p : phases_) p = phase(random_);
     std::normal_distribution<double> normal;
     const auto draw = [&](double sigma) {
-      return Eigen::Vector3d(sigma * normal(random_), sigma * normal(random_), sigma * normal(random_));
+      return Eigen::Vector3d{sigma * normal(random_), sigma * normal(random_), sigma * normal(random_)};
     };
     gyro_bias_ = draw(0.01);
     acceleration_bias_ = draw(0.05);
@@ -56,7 +56,7 @@ class Wearer {
     constexpr double kStep = 1e-4;
     std::normal_distribution<double> normal;
     const auto noise = [&](double sigma) {
-      return Eigen::Vector3d(sigma * normal(random_), sigma * normal(random_), sigma * normal(random_));
+      return Eigen::Vector3d{sigma * normal(random_), sigma * normal(random_), sigma * normal(random_)};
     };
     ImuSample sample;
     sample.time = Timestamp::from_seconds(t);

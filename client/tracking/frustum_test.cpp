@@ -93,8 +93,8 @@ TEST(Frustum, BlocksAreJudgedAsTheirPoints) {
   int passed = 0;
   for (int i = 0; i < 200; ++i) {
     const PointBlock block = random_block(engine);
-    const SE3 camera_from_map(so3_exp(random_vector(engine).cast<double>()),
-                              0.3 * random_vector(engine).cast<double>());
+    const SE3 camera_from_map{so3_exp(random_vector(engine).cast<double>()),
+                              0.3 * random_vector(engine).cast<double>()};
     const BlockView view = view_block(block, frustum, camera_from_map, 525);
     passed += std::popcount(view.slots);
     const BlockView narrow = kernels::view_block(block, frustum, camera_from_map, 525, Simd::kNarrow);

@@ -56,16 +56,21 @@ class ProvisionalPointsTest : public ::testing::Test {
     if (shots_ == 1) return truth;
     return correct_step(SE3(), align_tiny(previous.tiny, now().tiny), *camera_, kRadius) * last_;
   }
+  /// Into the next frame; where the tracker would look for the camera.
+  SE3 follow(const SE3& truth) {
+    const SE3 predicted = shoot(truth);
+    points_.follow(now(), predicted, *map_);
+    return predicted;
+  }
   /// The map says where the camera is.
   void with_map(const SE3& truth) {
-    points_.follow(now(), shoot(truth), *map_);
+    follow(truth);
     points_.update(now(), {truth, Matrix6d::Zero(), PoseSupport::kPosition, kRadius}, *map_, {});
     last_ = truth;
   }
   /// Nothing but what is provisional does.
   std::optional<ProvisionalPoints::Located> without_map(const SE3& truth) {
-    const SE3 predicted = shoot(truth);
-    points_.follow(now(), predicted, *map_);
+    const SE3 predicted = follow(truth);
     const auto found = points_.locate(predicted, {}, kRadius);
     if (!found) return std::nullopt;
     points_.update(now(), {found->camera_from_map, found->covariance, found->judgement.support, kRadius},
@@ -207,7 +212,7 @@ TEST_F(ProvisionalPointsTest, NoneAreBegunWhereTheMapHasPoints) {
     }
   }
   for (int i = 0; i < 6; ++i) {
-    points_.follow(now(), shoot(SE3()), *map_);
+    follow(SE3());
     points_.update(now(), {SE3(), Matrix6d::Zero(), PoseSupport::kPosition, kRadius}, *map_, of_map);
   }
   ASSERT_GT(points_.size(), 20U);
@@ -221,7 +226,7 @@ TEST_F(ProvisionalPointsTest, WhatDoesNotAgreeWithThePoseGoes) {
   ASSERT_GT(before, 50U);
   const SE3 lie = looking(2 * kDegree, {0, 0, 0});
   const auto tell = [&] {
-    points_.follow(now(), shoot(SE3()), *map_);
+    follow(SE3());
     points_.update(now(), {lie, Matrix6d::Zero(), PoseSupport::kRotation, kRadius}, *map_, {});
     last_ = SE3();
   };

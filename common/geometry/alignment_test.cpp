@@ -13,7 +13,7 @@ std::vector<Eigen::Vector3d> cloud(unsigned seed, size_t n, const Eigen::Vector3
   std::normal_distribution<double> normal;
   std::vector<Eigen::Vector3d> points(n);
   for (auto& p : points)
-    p = extent.cwiseProduct(Eigen::Vector3d(normal(engine), normal(engine), normal(engine)));
+    p = extent.cwiseProduct(Eigen::Vector3d{normal(engine), normal(engine), normal(engine)});
   return points;
 }
 

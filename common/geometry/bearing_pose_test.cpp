@@ -25,11 +25,11 @@ Scene make_scene(unsigned seed, int count, double noise, double depth_sigma, dou
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0, 1);
   Scene scene;
-  const auto vector = [&] { return Eigen::Vector3d(normal(engine), normal(engine), normal(engine)); };
+  const auto vector = [&] { return Eigen::Vector3d{normal(engine), normal(engine), normal(engine)}; };
   scene.camera_from_map = SE3(so3_exp(vector()), vector());
   const SE3 map_from_camera = scene.camera_from_map.inverse();
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector2d pixel(639 * uniform(engine), 479 * uniform(engine));
+    const Eigen::Vector2d pixel{639 * uniform(engine), 479 * uniform(engine)};
     const Eigen::Vector3d thing =
         map_from_camera * Eigen::Vector3d((1 + 4 * uniform(engine)) * scene.camera->unproject(pixel));
     BearingObservation b;
@@ -40,7 +40,7 @@ Scene make_scene(unsigned seed, int count, double noise, double depth_sigma, dou
     const double sigma = depth_sigma * inverse_depth;
     b.inverse_depth = std::max(0.0, inverse_depth + sigma * normal(engine));
     b.inverse_depth_variance = sigma * sigma;
-    b.pixel = pixel + noise * b.sigma * Eigen::Vector2d(normal(engine), normal(engine));
+    b.pixel = pixel + noise * b.sigma * Eigen::Vector2d{normal(engine), normal(engine)};
     scene.points.push_back({thing, b.pixel, b.sigma});
     scene.bearings.push_back(b);
   }

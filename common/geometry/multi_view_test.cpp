@@ -31,9 +31,9 @@ class PlaneOnTheWay {
                 const Eigen::Matrix2d& spoilt = Eigen::Matrix2d::Identity())
       : random_(seed), noise_(noise), spoilt_(spoilt) {
     camera_ = make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
-    const Eigen::Vector3d along = Eigen::Vector3d(normal(), normal(), normal()).normalized();
-    const Eigen::Vector3d beside = along.cross(Eigen::Vector3d(normal(), normal(), normal())).normalized();
-    const Eigen::Vector3d turn = 3 * kDegree * Eigen::Vector3d(normal(), normal(), normal()).normalized();
+    const Eigen::Vector3d along = Eigen::Vector3d{normal(), normal(), normal()}.normalized();
+    const Eigen::Vector3d beside = along.cross(Eigen::Vector3d{normal(), normal(), normal()}).normalized();
+    const Eigen::Vector3d turn = 3 * kDegree * Eigen::Vector3d{normal(), normal(), normal()}.normalized();
     constexpr double kBaseline = 4 * kDegree;  // as parallax at depth 1
     std::vector<SE3> poses;
     for (const double fraction : {0.25, 0.5, 0.75, 1.0}) {
@@ -75,7 +75,7 @@ class PlaneOnTheWay {
 
  private:
   double normal() { return normal_(random_); }
-  Eigen::Vector2d noise() { return noise_ * Eigen::Vector2d(normal(), normal()); }
+  Eigen::Vector2d noise() { return noise_ * Eigen::Vector2d{normal(), normal()}; }
 
   void add_point(const std::vector<SE3>& poses) {
     std::uniform_real_distribution<double> x(0, camera_->width() - 1);

@@ -20,14 +20,14 @@ Desk make_desk(unsigned seed, double clutter_fraction, double noise) {
   std::mt19937 engine(seed);
   std::uniform_real_distribution<double> uniform(-0.5, 0.5);
   std::normal_distribution<double> normal;
-  const auto vector = [&] { return Eigen::Vector3d(normal(engine), normal(engine), normal(engine)); };
+  const auto vector = [&] { return Eigen::Vector3d{normal(engine), normal(engine), normal(engine)}; };
   Desk desk;
   desk.map_from_plane = SE3(so3_exp(vector()), vector());
   constexpr int kPoints = 300;
   for (int i = 0; i < kPoints; ++i) {
     const bool clutter = i < clutter_fraction * kPoints;
     const double height = clutter ? 0.3 + 0.5 * uniform(engine) : noise * normal(engine);
-    desk.points.push_back(desk.map_from_plane * Eigen::Vector3d(uniform(engine), uniform(engine), height));
+    desk.points.push_back(desk.map_from_plane * Eigen::Vector3d{uniform(engine), uniform(engine), height});
     desk.on_plane += clutter ? 0 : 1;
   }
   desk.viewpoint = desk.map_from_plane * Eigen::Vector3d(0.1, -0.4, 0.8);

@@ -28,19 +28,19 @@ Scene make_scene(unsigned seed, int count, double noise, double outlier_fraction
                    480,
                    {458.654, 457.296, 367.215, 248.375, -0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}})
           .value();
-  const auto vector = [&] { return Eigen::Vector3d(normal(engine), normal(engine), normal(engine)); };
+  const auto vector = [&] { return Eigen::Vector3d{normal(engine), normal(engine), normal(engine)}; };
   scene.camera_from_map = SE3(so3_exp(vector()), vector());
   const SE3 map_from_camera = scene.camera_from_map.inverse();
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector2d pixel(751 * uniform(engine), 479 * uniform(engine));
+    const Eigen::Vector2d pixel{751 * uniform(engine), 479 * uniform(engine)};
     PointObservation o;
     o.sigma = std::pow(2.0, i % 4);
     o.point_in_map =
         map_from_camera * Eigen::Vector3d((1 + 4 * uniform(engine)) * scene.camera->unproject(pixel));
     o.pixel =
         i < outlier_fraction * count
-            ? Eigen::Vector2d(751 * uniform(engine), 479 * uniform(engine))
-            : Eigen::Vector2d(pixel + noise * o.sigma * Eigen::Vector2d(normal(engine), normal(engine)));
+            ? Eigen::Vector2d{751 * uniform(engine), 479 * uniform(engine)}
+            : Eigen::Vector2d(pixel + noise * o.sigma * Eigen::Vector2d{normal(engine), normal(engine)});
     scene.observations.push_back(o);
   }
   return scene;

@@ -22,7 +22,7 @@ class Random {
  public:
   explicit Random(unsigned seed) : engine_(seed) {}
   Eigen::Vector3d vector(double size) {
-    return size * Eigen::Vector3d(normal_(engine_), normal_(engine_), normal_(engine_));
+    return size * Eigen::Vector3d{normal_(engine_), normal_(engine_), normal_(engine_)};
   }
   Eigen::Vector3d direction() { return vector(1).normalized(); }
   Vector6d tangent(double angle) {

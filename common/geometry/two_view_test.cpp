@@ -106,8 +106,8 @@ Pair make_pair(const Conditions& setup, unsigned seed) {
     const Eigen::Vector2d measured =
         outlier ? Eigen::Vector2d(pixel + 25 * Eigen::Vector2d(random.uniform(-1, 1), random.uniform(-1, 1)))
                 : *in_b;
-    const Eigen::Vector2d noise_a = setup.noise * Eigen::Vector2d(random.normal(), random.normal());
-    const Eigen::Vector2d noise_b = setup.noise * Eigen::Vector2d(random.normal(), random.normal());
+    const Eigen::Vector2d noise_a = setup.noise * Eigen::Vector2d{random.normal(), random.normal()};
+    const Eigen::Vector2d noise_b = setup.noise * Eigen::Vector2d{random.normal(), random.normal()};
     pair.matches.push_back({pixel + noise_a, measured + noise_b});
     pair.outlier.push_back(outlier);
   }

@@ -44,9 +44,9 @@ TEST_F(TrajectoryFile, WrittenPosesReadBack) {
   ASSERT_TRUE(writer) << writer.error().message;
   for (int64_t i = 0; i < 200; ++i) {
     const Eigen::Quaterniond q =
-        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random));
+        Eigen::Quaterniond{normal(random), normal(random), normal(random), normal(random)};
     poses.push_back({Timestamp{1'305'031'098'665'900'001 + i * 33'333'333},
-                     SE3(q, Eigen::Vector3d(normal(random), normal(random), normal(random)))});
+                     SE3(q, Eigen::Vector3d{normal(random), normal(random), normal(random)})});
     ASSERT_TRUE(writer->append(map_id(1 + i / 100), "desk", poses.back()));
   }
   ASSERT_TRUE(writer->finish());

@@ -30,7 +30,7 @@ TEST(Extent, ASphereHoldsWhatIsWithinItsRadius) {
   std::normal_distribution<double> normal;
   const Sphere sphere{{1, 2, 3}, 2};
   for (int i = 0; i < 100; ++i) {
-    const Vector3d direction = Vector3d(normal(random), normal(random), normal(random)).normalized();
+    const Vector3d direction = Vector3d{normal(random), normal(random), normal(random)}.normalized();
     EXPECT_TRUE(contains(sphere, sphere.center + 1.999 * direction));
     EXPECT_FALSE(contains(sphere, sphere.center + 2.001 * direction));
   }

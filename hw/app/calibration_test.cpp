@@ -49,7 +49,7 @@ class Tracker {
     if (++milliseconds_ % 33 == 0) {
       const Eigen::Quaterniond map_from_head =
           map_from_base * base_from_head(stands_still ? PanTilt() : head);
-      const Eigen::Vector3d noise(noise_(random_), noise_(random_), noise_(random_));
+      const Eigen::Vector3d noise{noise_(random_), noise_(random_), noise_(random_)};
       on_their_way_.push_back(
           {now + 40ms,
            {Timestamp{(now - truth().offset).time_since_epoch().count()}, is_tracked && sees(head), map,

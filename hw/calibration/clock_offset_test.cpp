@@ -43,7 +43,7 @@ struct Mount {
       const double t = i * 0.01;
       const Vector3d rate = so3_log(stands(t - 0.01).conjugate() * stands(t)) / 0.01;
       samples.push_back({Timestamp::from_seconds(1000 + t),
-                         rate + bias + Vector3d(noise(random), noise(random), noise(random))});
+                         rate + bias + Vector3d{noise(random), noise(random), noise(random)}});
     }
     return samples;
   }
@@ -54,7 +54,7 @@ struct Mount {
     std::vector<CameraRotation> rotations;
     for (double t = 0.5; t < 14; t += 1.0 / 30) {
       const double size = unit(random) < jumps ? 300 : 1;
-      const Vector3d wrong = size * Vector3d(noise(random), noise(random), noise(random));
+      const Vector3d wrong = size * Vector3d{noise(random), noise(random), noise(random)};
       rotations.push_back(
           {Timestamp::from_seconds(1000 + t - offset),
            so3_exp({0.3, 0.2, 0.1}) * stands(t) * camera_from_imu.conjugate() * so3_exp(wrong)});

@@ -25,7 +25,7 @@ class HandEyeTest : public ::testing::Test {
     std::uniform_real_distribution<double> unit(-1, 1);
     std::normal_distribution<double> noise(0, 1);
     const auto any = [&](double size) -> Vector3d {
-      return size * Vector3d(noise(random_), noise(random_), noise(random_));
+      return size * Vector3d{noise(random_), noise(random_), noise(random_)};
     };
     std::vector<Glance> all;
     for (size_t i = 0; i < count; ++i) {

@@ -69,7 +69,7 @@ TEST(Kinematics, ACameraThatSitsAskewLooksAlongItsOwnAxis) {
 TEST(Kinematics, TheRatesThatHoldADirectionAreTheDerivatives) {
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0, 1);
-  const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  const auto any = [&] { return Vector3d{normal(random), normal(random), normal(random)}; };
   int held = 0;
   for (int i = 0; i < 400; ++i) {
     const Vector3d axis = i % 2 == 0 ? kAhead : (kAhead + 0.3 * any()).normalized();

@@ -153,7 +153,7 @@ class Tracker {
   void turn(RigBench& bench) {
     constexpr auto kLate = 80ms;
     if (++milliseconds_ % 33 == 0) {
-      const Vector3d noise(normal_(random_), normal_(random_), normal_(random_));
+      const Vector3d noise{normal_(random_), normal_(random_), normal_(random_)};
       const Vector3d seen = bench.world_from_camera().conjugate() * -bench.position() + 0.003 * noise;
       on_their_way_.push_back({bench.now() - early_, seen});
     }
@@ -348,7 +348,7 @@ TEST_P(RigWalks, WhateverIsAimedAtNoAxisLeavesItsLimits) {
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
-  const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  const auto any = [&] { return Vector3d{normal(random), normal(random), normal(random)}; };
   bench_.walk({2, 0.4, 2});
   for (int i = 0; i < 200; ++i) {
     const std::array<Pointing, 8> all = {pointing::Neutral{{normal(random), normal(random)}},

@@ -31,7 +31,7 @@ std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const
     Eigen::Vector2d b = *scene.camera()->project(second_pose * point);
     b = {std::round(b.x()), std::round(b.y())};
     if (trails.size() % 10 == 9)
-      b += Eigen::Vector2d(static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10);
+      b += Eigen::Vector2d{static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10};
     trails.push_back({TrailId{trails.size() + 1}, a.cast<float>(), b.cast<float>()});
   }
   return trails;

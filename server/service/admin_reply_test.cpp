@@ -30,7 +30,8 @@ TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
     Label label;
     label.id = {3 * id};  // some have been removed
     // Some of them no UTF-8, which a reply writes longer than it is.
-    label.text = std::string(random() % (kMaxLabelBytes + 1), random() % 4 == 0 ? '\xff' : 'x');
+    const size_t length = random() % (kMaxLabelBytes + 1);
+    label.text = std::string(length, random() % 4 == 0 ? '\xff' : 'x');
     label.author = "anna";
     label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {0.1, -2.0 / 3, static_cast<double>(id)});
     labels.push_back(label);

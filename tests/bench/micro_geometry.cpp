@@ -36,7 +36,7 @@ struct SideStep {
     std::normal_distribution<double> noise(0, kNoise);
     for (const double fraction : {0.25, 0.5, 0.75, 1.0}) views.further.push_back({fraction, {}});
     while (matches.size() < count) {
-      const Eigen::Vector2d a(20 + 600 * uniform(random), 20 + 440 * uniform(random));
+      const Eigen::Vector2d a{20 + 600 * uniform(random), 20 + 440 * uniform(random)};
       const Eigen::Vector3d point = camera->unproject(a) * (1 + uniform(random));
       std::vector<Eigen::Vector2d> seen;
       for (const FurtherView& view : views.further) {
@@ -44,7 +44,7 @@ struct SideStep {
                        view.baseline_fraction * Eigen::Vector3d(0.08, 0.01, 0.02 * view.baseline_fraction));
         const auto pixel = camera->project(pose * point);
         if (pixel && camera->in_image(*pixel))
-          seen.push_back(*pixel + Eigen::Vector2d(noise(random), noise(random)));
+          seen.push_back(*pixel + Eigen::Vector2d{noise(random), noise(random)});
       }
       if (seen.size() < views.further.size()) continue;
       if (matches.size() % kWrongOnes == 0) seen.back() = {640 * uniform(random), 480 * uniform(random)};

@@ -100,8 +100,13 @@ Scenario make_bays(const ScenarioOptions& options) {
   add_town(town, &world);
   Random hand(options.seed, kRoute);
   const auto ahead = [&](double y) -> Waypoint {
-    const Eigen::Vector3d eye(0.05 * hand.normal(), y, kEye + 0.02 * hand.normal());
-    return {eye, eye + Eigen::Vector3d(0.12 * hand.normal(), 3, -0.45 + 0.06 * hand.normal())};
+    // Drawn one after the other: the order in which arguments are evaluated differs between processors.
+    const double up = 0.02 * hand.normal();
+    const double aside = 0.05 * hand.normal();
+    const double target_up = 0.06 * hand.normal();
+    const double target_aside = 0.12 * hand.normal();
+    const Eigen::Vector3d eye(aside, y, kEye + up);
+    return {eye, eye + Eigen::Vector3d(target_aside, 3, -0.45 + target_up)};
   };
   std::vector<Waypoint> route;
   for (const double part : {0.0, 0.0, 0.0, 0.5, 1.0, 0.6, 0.0}) {

@@ -143,13 +143,19 @@ std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d
     Waypoint view{point_at(distance), point_at(std::min(distance + 1.2, length))};
     Eigen::Vector3d ahead = view.target - view.eye;
     if (ahead.head<2>().norm() < 0.3) ahead = to.target - view.eye;  // nearly there
-    view.eye += Eigen::Vector3d(0.03 * random.normal(), 0.03 * random.normal(), 0.02 * random.normal());
+    // Drawn one after the other: the order in which arguments are evaluated differs between processors.
+    const double up = 0.02 * random.normal();
+    const double forward = 0.03 * random.normal();
+    const double aside = 0.03 * random.normal();
+    view.eye += Eigen::Vector3d(aside, forward, up);
     if (how == Walks::kSlow) {
       const double part = static_cast<double>(i) / count;
       view.target = view.eye + (1 - part) * (from.target - from.eye) + part * (to.target - to.eye);
     } else {
-      view.target = view.eye + 1.5 * ahead.normalized() +
-                    Eigen::Vector3d(0.15 * random.normal(), 0.15 * random.normal(), -0.55);
+      const double target_forward = 0.15 * random.normal();
+      const double target_aside = 0.15 * random.normal();
+      view.target =
+          view.eye + 1.5 * ahead.normalized() + Eigen::Vector3d(target_aside, target_forward, -0.55);
     }
     route.push_back(view);
   }

@@ -86,7 +86,7 @@ TEST(Ate, NoiseOfSigmaGivesAnRmseOfSigmaRootThree) {
     std::mt19937 random(17);
     std::normal_distribution<double> normal(0, sigma);
     for (auto& pose : noisy) {
-      const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
+      const Eigen::Vector3d noise{normal(random), normal(random), normal(random)};
       pose.map_from_camera = SE3(pose.map_from_camera.rotation(), pose.map_from_camera.translation() + noise);
     }
     const auto comparison = compare(trajectory(truth), trajectory(noisy), 0.02, Alignment::kSim3);

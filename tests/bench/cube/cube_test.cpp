@@ -109,7 +109,7 @@ TEST(FitToDots, FindsTheCameraWithinItsSigma) {
       const Eigen::Vector2d m =
           ellipse_centre<double>(pose * p.centre, kRadiusOfDots * (pose.rotation() * p.along),
                                  kRadiusOfDots * (pose.rotation() * p.down));
-      sightings.push_back({i, p.dot, to_pixel(truth(), m) + Eigen::Vector2d(noise(random), noise(random))});
+      sightings.push_back({i, p.dot, to_pixel(truth(), m) + Eigen::Vector2d{noise(random), noise(random)}});
     }
   }
   const auto fit = fit_to_dots(sightings, wrong_start(), freedom());
@@ -134,7 +134,7 @@ TEST(FitToTracks, FindsTheCameraOfAnUnknownScene) {
     const Eigen::Vector3d point(side(random), side(random), depth(random));
     for (int i = 0; i < kViews; ++i) {
       const Eigen::Vector2d pixel = to_pixel(truth(), (poses[static_cast<size_t>(i)] * point).hnormalized());
-      track.sightings.push_back({i, pixel + Eigen::Vector2d(noise(random), noise(random))});
+      track.sightings.push_back({i, pixel + Eigen::Vector2d{noise(random), noise(random)}});
     }
   }
   // A tenth of the tracks lie: they stick to the image.
