@@ -55,9 +55,9 @@ std::string describe(const Extent& extent) {
   return fmt::format("{:.2f} around {}", sphere.radius, describe(sphere.center));
 }
 
-std::string outside(const Extent& extent, const Eigen::Vector3d& camera) {
-  return "its camera, at " + describe(camera) + ", is outside of where this client may let the map grow, " +
-         describe(extent);
+std::string outside(const Extent& extent, std::string_view what, const Eigen::Vector3d& place) {
+  return std::string(what) + ", at " + describe(place) +
+         ", is outside of where this client may let the map grow, " + describe(extent);
 }
 
 Box with_margin(Box bounds, double margin) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <string_view>
 #include <variant>
 
 #include "common/base/result.h"
@@ -36,8 +37,8 @@ using Extent = std::variant<Box, Sphere>;
 /// For a person: "box -1.00 0.00 -1.00 to 2.00 1.50 1.00" or "2.00 around 0.00 1.00 0.00".
 [[nodiscard]] std::string describe(const Extent& extent);
 
-/// Why a camera may not stand there, for a person.
-[[nodiscard]] std::string outside(const Extent& extent, const Eigen::Vector3d& camera);
+/// Why something ("its camera") may not be there, for a person.
+[[nodiscard]] std::string outside(const Extent& extent, std::string_view what, const Eigen::Vector3d& place);
 
 /// The box, with room on each side [map unit].
 [[nodiscard]] Box with_margin(Box bounds, double margin);

@@ -54,7 +54,7 @@ class AccessPolicy {
   [[nodiscard]] virtual bool may_propose(const Principal& /*client*/, const MapId& /*map*/) const {
     return false;
   }
-  /// Why the map takes nothing, from operators either; empty: it does.
+  /// Why the map takes no keyframes, proposals that an operator accepts included; empty: it does.
   [[nodiscard]] virtual std::string why_frozen(const MapId& /*map*/) const { return {}; }
   /// Error kRefused with the reason.
   [[nodiscard]] virtual Status may_ask(const Principal& operator_, OperatorAct act) const = 0;

@@ -14,6 +14,8 @@ namespace {
 
 constexpr std::array<std::string_view, 5> kRightWords{"none", "read", "add", "write", "manage"};
 
+constexpr const char* kByMaking = "the server, as its maker";  ///< in place of an operator's name
+
 constexpr size_t kMaxWordsBytes = 1000;  // an operator's name, or a reason that a person reads
 
 bool is_expired(const Grant& grant, Timestamp now) {
@@ -154,8 +156,15 @@ void Rights::set_standard(Right right, bool may_create) {
   may_create_ = may_create;
 }
 
+Status Rights::let_maker_write(const std::string& client, const MapId& map, Timestamp now) {
+  const Subject maker{Subject::Kind::kClient, client};
+  if (grants_.contains({maker, map})) return {};
+  return grant({maker, map, Right::kWrite, {}, {}, kByMaking, now});
+}
+
 void Rights::close_to_unnamed() {
   set_standard(Right::kNone, false);
+  std::erase_if(grants_, [](const auto& grant) { return grant.second.by == kByMaking; });
   const auto is_everyone = [](const Subject& subject) { return subject.kind == Subject::Kind::kEveryone; };
   std::erase_if(grants_, [&](const auto& grant) { return is_everyone(grant.first.first); });
   std::erase_if(creators_, [&](const auto& creator) { return is_everyone(creator.first); });

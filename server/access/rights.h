@@ -99,8 +99,11 @@ class Rights {
   /// An empty set removes the group.
   [[nodiscard]] Status put_group(const std::string& name, std::set<std::string> members);
   void set_standard(Right right, bool may_create);
+  /// Who has made a map may write in it, unless a grant for this map has said something else: granted by the
+  /// server, and revocable as any other.
+  [[nodiscard]] Status let_maker_write(const std::string& client, const MapId& map, Timestamp now);
   /// Who is not named, as a client or by a group, may do nothing: neither by default nor by what everyone was
-  /// granted.
+  /// granted, nor by having made a map when nobody had to prove who he was.
   void close_to_unnamed();
   /// Nothing: it takes keyframes again. Error kUsage: words that a person cannot read in one line.
   [[nodiscard]] Status freeze(const MapId& map, std::optional<Closure> closure);

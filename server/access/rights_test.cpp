@@ -45,6 +45,27 @@ class RightsTest : public ::testing::Test {
   Rights rights_{Right::kNone, false};
 };
 
+TEST_F(RightsTest, WhoHasMadeAMapMayWriteInItUntilSomethingElseIsGranted) {
+  ASSERT_TRUE(rights_.let_maker_write("ann", kDesk, kNow));
+  EXPECT_EQ(right("ann", kDesk), Right::kWrite);
+  EXPECT_EQ(right("ann", kBench), Right::kNone);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason,
+            "write, as granted to client ann by the server, as its maker");
+  grant(kAnn, kDesk, Right::kRead);
+  ASSERT_TRUE(rights_.let_maker_write("ann", kDesk, kNow));
+  EXPECT_EQ(right("ann", kDesk), Right::kRead);
+}
+
+/// Names of an open site are believed, not proven: a grant of an operator was meant for somebody, this was
+/// not.
+TEST_F(RightsTest, WhatMakersHaveGoesWhenNamesAreToBeProven) {
+  ASSERT_TRUE(rights_.let_maker_write("ann", kDesk, kNow));
+  grant(kAnn, kBench, Right::kAdd);
+  rights_.close_to_unnamed();
+  EXPECT_EQ(right("ann", kDesk), Right::kNone);
+  EXPECT_EQ(right("ann", kBench), Right::kAdd);
+}
+
 TEST_F(RightsTest, WhoIsNotNamedHasWhatTheSiteGivesToAll) {
   EXPECT_EQ(right("zoe", kDesk), Right::kNone);
   rights_.set_standard(Right::kWrite, true);

@@ -153,8 +153,9 @@ void add_extent(CLI::App* below, Words* words) {
   CLI::Option* sphere =
       below->add_option("--sphere", words->sphere, "the map grows within: x y z of the centre, radius [m]")
           ->expected(4);
-  CLI::Option* margin = below->add_option("--margin", words->margin,
-                                          "the map grows within its present bounds and so much more [m]");
+  CLI::Option* margin = below->add_option(
+      "--margin", words->margin,
+      "the map grows within the bounds of its present points and cameras and so much more [m]");
   box->excludes(sphere)->excludes(margin);
   sphere->excludes(margin);
 }
@@ -269,28 +270,18 @@ Status show_extent(AdminClient* client, const std::string& map, const Words& wor
     std::printf("%s\n", json_text(json{{"bounds", bounds}, {"grants", grants}}, 2).c_str());
     return {};
   }
-  std::printf("%s: its points are within %s and %s [m]\n", text_of(shown->content, "name").c_str(),
+  std::printf("%s: its points, but for those farthest out, are within %s and %s [m]\n", text_of(shown->content, "name").c_str(),
               corner_of(bounds, "min").c_str(), corner_of(bounds, "max").c_str());
-  if (grants.empty()) std::printf("whoever may write may let it grow anywhere\n");
+  if (grants.empty()) std::printf("who may add or write may let it grow anywhere\n");
   for (const json& rule : grants) print_grant(rule);
   return {};
 }
 
-/// The right and the expiry that were granted stay; where nothing was, the right is write.
+/// The right and its expiry stay.
 Status set_extent(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
   if (has_extent(words) == words.unbounded)
     return fail(ErrorCode::kUsage, "say --box, --sphere, --margin or --unbounded");
-  const auto shown = client->ask({{"verb", "show"}, {"map", map}});
-  if (!shown) return tl::unexpected(shown.error());
-  const auto rules = client->ask({{"verb", "rights"}});
-  if (!rules) return tl::unexpected(rules.error());
-  json request{{"verb", "rights-grant"}, {"to", words.to}, {"map", map}, {"right", "write"}};
-  for (const json& rule : rules->content.value("grants", json::array())) {
-    const bool is_meant = rule.value("to", "") == words.to && rule.value("map", "") == shown->content["id"];
-    if (!is_meant || rule.value("expired", false)) continue;
-    request["right"] = rule["right"];
-    if (rule.contains("until")) request["until"] = rule["until"];
-  }
+  json request{{"verb", "map-extent"}, {"to", words.to}, {"map", map}};
   put_extent(words, &request);
   return ask_and_print(client, request, as_json, print_done);
 }
@@ -400,8 +391,8 @@ void describe_access(CLI::App* app, AccessAction* action) {
 
 void describe_freeze(CLI::App* below, const std::string* map, AccessAction* action) {
   const auto words = std::make_shared<Words>();
-  CLI::App* freeze =
-      below->add_subcommand("freeze", "it is found and tracked, and takes nothing from anybody");
+  CLI::App* freeze = below->add_subcommand(
+      "freeze", "it is found and tracked, and takes nothing from any client; operators may still change it");
   freeze->add_option("--why", words->why, "for who is refused and the audit log")->check(fault_of_word);
   freeze->callback([action, words, map] {
     *action = change({{"verb", "map-freeze"}, {"map", *map}, {"why", words->why}});
@@ -413,8 +404,9 @@ void describe_freeze(CLI::App* below, const std::string* map, AccessAction* acti
 
 void describe_extent(CLI::App* below, const std::string* map, AccessAction* action) {
   const auto words = std::make_shared<Words>();
-  CLI::App* extent = below->add_subcommand(
-      "extent", "its bounds, and who may let it grow within which; with WHO, says so anew");
+  CLI::App* extent = below->add_subcommand("extent",
+                                           "its bounds, and who may let it grow within which; with WHO, says "
+                                           "so anew: the right to add or write stays");
   extent->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")->check(fault_of_word);
   add_extent(extent, words.get());
   extent->add_flag("--unbounded", words->unbounded, "the map grows anywhere");

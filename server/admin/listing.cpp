@@ -37,8 +37,10 @@ void print_map(const json& map) {
   std::printf("%s %s  %5" PRIu64 " keyframes %7" PRIu64 " points %8.1f MB%s%s\n",
               column_of(text_of(map, "name"), kNameColumns).c_str(), text_of(map, "id").c_str(),
               count_of(map, "keyframes"), count_of(map, "points"), map.value("memory_bytes", 0.0) * 1e-6,
-              map.value("at_rest", false) ? "  idle" : "", map.contains("frozen") ? "  frozen" : "");
-  if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
+              map.value("at_rest", false) ? "  idle" : "", map.contains("failed") ? "  failed" : "");
+  for (const char* trouble : {"failed", "frozen"}) {
+    if (map.contains(trouble)) std::printf("%24s %s\n", "", text_of(map, trouble).c_str());
+  }
   if (const std::string when = text_of(map, "localized"); !when.empty())
     std::printf("%24s last localized in %s, now by %" PRIu64 "\n", "", when.c_str(),
                 count_of(map, "clients"));

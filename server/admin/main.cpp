@@ -60,7 +60,7 @@ constexpr const char* kFooter =
     "  cairnctl labels desk rename 3 'small vice'\n"
     "  cairnctl labels desk remove 3                   once confirmed\n"
     "  cairnctl rights grant phone-1 desk write        who may do what; see `cairnctl rights --help`\n"
-    "  cairnctl map desk freeze                        it takes nothing from anybody\n"
+    "  cairnctl map desk freeze                        it takes nothing from any client\n"
     "  cairnctl map desk tag monday                    keeps its state\n"
     "  cairnctl map desk rollback monday               and has it back\n"
     "  cairnctl backup monday.tar                      all of the store, while the server runs\n"

@@ -77,10 +77,13 @@ void print_table(const json& now) {
               "OFFER P50/95");
   for (const json& map : now["maps"]) {
     std::printf(
-        "%-32s %9" PRIu64 " %8" PRIu64 " %7" PRIu64 " %8s %12s\n", text_of(map, "name").c_str(),
+        "%-32s %9" PRIu64 " %8" PRIu64 " %7" PRIu64 " %8s %12s%s\n", text_of(map, "name").c_str(),
         count_of(map, "keyframes"), count_of(map, "points"), count_of(map, "clients"),
         number_of(map, "keyframes_per_minute", "%.1f").c_str(),
-        (number_of(map, "offer_p50_ms", "%.0f") + "/" + number_of(map, "offer_p95_ms", "%.0f ms")).c_str());
+        (number_of(map, "offer_p50_ms", "%.0f") + "/" + number_of(map, "offer_p95_ms", "%.0f ms")).c_str(),
+        map.contains("failed")   ? "  failed"
+        : map.contains("frozen") ? "  frozen"
+                                 : "");
   }
   std::printf("\n%-32s %-9s %-9s %8s %-32s %s\n", "CLIENT", "LINK", "STATE", "QUALITY", "MAP", "WEARER");
   for (const json& client : now["clients"]) {

@@ -146,7 +146,7 @@ std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const 
                                                      std::shared_ptr<const KeyframeImages>* images) {
   const Eigen::Vector3d center = judged.camera_from_map.center();
   if (input.extent && !contains(*input.extent, center))
-    return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
+    return refuse(KeyframeVerdict::kOutside, outside(*input.extent, "its camera", center));
   const double needed = spacing.min_distance_over_depth * judged.mean_depth;
   const Nearest nearest = nearest_keyframes(map, judged.camera_from_map, options.same_direction);
   const bool widens = widens_map(map, judged.camera_from_map, judged.mean_depth);

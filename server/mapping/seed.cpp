@@ -230,7 +230,7 @@ Status fill_in_points(const MapMakerOptions& options, double median_parallax, Se
 Status keep_within(const Extent& extent, size_t min_points, MapState* map) {
   for (const MapKeyframe& k : map->keyframes()) {
     if (const Eigen::Vector3d center = k.camera_from_map.center(); !contains(extent, center))
-      return fail(ErrorCode::kRefused, outside(extent, center));
+      return fail(ErrorCode::kRefused, outside(extent, "its camera", center));
   }
   for (const PointId id : std::vector<PointId>(map->live_point_ids())) {
     if (!contains(extent, map->point(id).position)) map->remove_point(id);

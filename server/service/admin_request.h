@@ -56,6 +56,12 @@ struct GrantRight {
   std::optional<Within> within;
   std::string until;  ///< empty: for ever
 };
+/// The right that is there stays, within an extent from now on, or, without one, everywhere.
+struct LimitGrowth {
+  std::string to;
+  std::string map;
+  std::optional<Within> within;
+};
 struct RevokeRight {
   std::string to;
   std::string map;
@@ -92,8 +98,8 @@ struct WelcomeProposals {
 };
 struct ChangeRights {
   std::string verb;
-  std::variant<GrantRight, RevokeRight, SetStandard, LetCreate, PutGroup, FreezeMap, UnfreezeMap, BlockClient,
-               UnblockClient, WelcomeProposals>
+  std::variant<GrantRight, LimitGrowth, RevokeRight, SetStandard, LetCreate, PutGroup, FreezeMap, UnfreezeMap,
+               BlockClient, UnblockClient, WelcomeProposals>
       what;
 };
 

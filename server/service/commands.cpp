@@ -131,13 +131,35 @@ void Commands::make_map(Client& client, const AnnouncedCamera& camera, const Rul
 void Commands::on_seed_judged(const std::string& client_name, const wire::SeedVerdict& verdict,
                               const Result<SeedResult>& result, const MapSnapshotPtr& snapshot,
                               const Pending& pending) {
-  if (!result || !pending->is_withdrawn()) return on_seed_decided(client_name, verdict, result, snapshot);
-  take_out(verdict.map);
-  on_seed_decided(client_name, verdict, fail(ErrorCode::kRefused, kSeedWithdrawn), nullptr);
+  if (!result) return on_seed_decided(client_name, verdict, result, snapshot);
+  const auto settle = [this, client_name, verdict, result, snapshot, pending] {
+    if (!pending->is_withdrawn()) return on_seed_decided(client_name, verdict, result, snapshot);
+    take_out(verdict.map);
+    on_seed_decided(client_name, verdict, fail(ErrorCode::kRefused, kSeedWithdrawn), nullptr);
+  };
+  if (pending->is_withdrawn()) return settle();
+  let_maker_write(client_name, verdict.map, settle);
+}
+
+/// Before the verdict, so that none of the maker's keyframes is refused for want of the right.
+void Commands::let_maker_write(const std::string& client_name, MapId map, const std::function<void()>& then) {
+  const Client* client = clients_.find(client_name);
+  const MapEntry* entry = maps_.array().find(map);
+  if (client == nullptr || entry == nullptr ||
+      context_.access().in_map(client->principal(), map).right >= Right::kWrite)
+    return then();
+  context_.site.let_maker_write(client_name, map, entry->name, [this, client_name, then](const Status& kept) {
+    if (!kept)
+      context_.log->error("{} may not write in the map it has made: {}", client_name, kept.error().message);
+    then();
+  });
 }
 
 void Commands::take_out(MapId map) {
-  if (const MapEntry* entry = maps_.array().find(map)) entry->runner->retire();
+  if (const MapEntry* entry = maps_.array().find(map)) {
+    entry->runner->retire();
+    context_.site.forget(map, entry->name);
+  }
   if (context_.store == nullptr) return;
   context_.store->run([map, log = context_.log](Store& store) {
     const Status gone = store.undo_import(map);

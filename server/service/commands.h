@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -43,6 +44,7 @@ class Commands {
   void on_seed_judged(const std::string& client_name, const wire::SeedVerdict& verdict,
                       const Result<SeedResult>& result, const MapSnapshotPtr& snapshot,
                       const Pending& pending);
+  void let_maker_write(const std::string& client_name, MapId map, const std::function<void()>& then);
   /// A map that is in the store by now, and of which nobody has been told.
   void take_out(MapId map);
   void on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,

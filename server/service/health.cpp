@@ -44,8 +44,8 @@ std::string Health::words() const {
   add(word_of_unloaded(unloaded_));
   if (store) add(word_of_damage(damaged_.size(), store->folder() / "damaged"));
   for (const auto& [map, entry] : maps_.all()) {
-    if (entry.frozen.empty()) continue;
-    add(entry.name + " is frozen until the server starts again: " + entry.frozen);
+    if (entry.failed.empty()) continue;
+    add(entry.name + " takes nothing until the server starts again: " + entry.failed);
     break;  // one is enough to have a look; `cairnctl maps` names all
   }
   return words.empty() ? "ok" : std::string(cut_text(one_line(words), kMaxHealthBytes));

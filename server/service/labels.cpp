@@ -15,6 +15,26 @@ std::string why_not_allowed(const Ruling& ruling, const wire::ClientRequest& req
   return !label || label->author == author.name ? std::string() : ruling.reason;
 }
 
+/// Where the label of a request is or is to be, in the map; nothing: it cannot be told, and the request is
+/// refused for that.
+std::optional<Eigen::Vector3d> place_of(const wire::ClientRequest& request, const MapEntry& entry) {
+  if (request.action != wire::RequestAction::kAddLabel) {
+    const std::optional<Label> label = entry.labels.find(request.label);
+    return label ? std::optional<Eigen::Vector3d>(label->map_from_label.translation()) : std::nullopt;
+  }
+  const KeyframePose* reference = entry.snapshot->find(request.reference);
+  if (reference == nullptr || request.epoch != entry.snapshot->epoch) return std::nullopt;
+  return reference->camera_from_map.inverse() * request.reference_from_label.translation();
+}
+
+/// Why the label may not be there; empty: it may.
+std::string why_outside(const Ruling& ruling, const wire::ClientRequest& request, const MapEntry& entry) {
+  if (!ruling.extent) return {};
+  const auto place = place_of(request, entry);
+  return !place || contains(*ruling.extent, *place) ? std::string()
+                                                    : outside(*ruling.extent, "the label", *place);
+}
+
 /// An operator has been asked about as such.
 Ruling ruling_on_labels(const AccessPolicy& access, const Principal& author, MapId map) {
   if (author.kind == Principal::Kind::kOperator) return {Right::kManage, {}, {}, {}};
@@ -77,6 +97,8 @@ std::optional<LabelRegistry::Judgement> Labels::refuse(const wire::ClientRequest
   if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone)
     return because(wire::RequestDecision::kUnknownMap, "this server does not know the map");
   if (std::string why = why_not_allowed(ruling, request, author, entry->labels); !why.empty())
+    return because(wire::RequestDecision::kNoRight, std::move(why));
+  if (std::string why = why_outside(ruling, request, *entry); !why.empty())
     return because(wire::RequestDecision::kNoRight, std::move(why));
   if (entry->rolling_back) return because(wire::RequestDecision::kBusy, kRollingBack);
   const size_t labels = entry->labels.all().size();

@@ -108,7 +108,10 @@ void MapAdministration::finish_removal(MapId id, const Status& removed, const Ad
   }
   const told::Map deleted = describe_map(id, *entry);
   maps_.forget(id);
-  if (context_.store == nullptr) places_.forget_overlaps(id);
+  if (context_.store == nullptr) {
+    places_.forget_overlaps(id);
+    context_.site.forget(id, deleted.name);
+  }
   answer(deleted);
 }
 
@@ -118,7 +121,7 @@ void MapAdministration::drop_dead(MonotonicTime now) {
     MapEntry* entry = maps_.array().find(dead.map);
     if (entry != nullptr && (entry->seeding || entry->offers_in_work > 0)) continue;  // it may yet be of use
     maps_.young().forget(dead.map);
-    if (entry == nullptr || entry->leaving || entry->rolling_back || !entry->frozen.empty()) continue;
+    if (entry == nullptr || entry->leaving || entry->rolling_back || !entry->failed.empty()) continue;
     const std::string id = to_hex(dead.map.bytes);
     context_.log->info("{} is dropped: {} lost it after {:.1f} s, and nobody has been found in it since{}",
                        entry->name, dead.maker, std::chrono::duration<double>(dead.tracked).count(),
@@ -180,6 +183,7 @@ void MapAdministration::purge(const std::string& wanted, const AdminAnswer& answ
     if (!purged) return say(refusal(purged.error()));
     return [this, answer, map = maps[0]] {
       places_.forget_overlaps(map.header.id);
+      context_.site.forget(map.header.id, map.header.name);
       answer(map);
     };
   });
@@ -196,6 +200,7 @@ void MapAdministration::purge_old() {
       if (!purged) continue;
       context_.post([this, id = map.header.id, name = map.header.name] {
         places_.forget_overlaps(id);
+        context_.site.forget(id, name);
         context_.log->info("{} ({}) was deleted long ago and is purged", name, to_hex(id.bytes));
         context_.site.note({0, context_.site.policy()->now(), "server", "purge", "map " + name, "done"});
       });

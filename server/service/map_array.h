@@ -46,7 +46,7 @@ struct MapEntry {
   LabelRegistry labels{};
   bool seeding = false;                        ///< its seed has not been decided: nobody sees it
   std::optional<MapRevision> undecided = {};   ///< its newest revision, while seeding
-  std::string frozen = {};                     ///< why it takes nothing any more; empty: it does
+  std::string failed = {};                     ///< why it takes nothing any more; empty: it does
   MonotonicTime used_at = {};                  ///< when it last changed or was offered a keyframe
   std::optional<Timestamp> localized_at = {};  ///< when a tracker last said that it is found in it
   OfferTimes offer_times{};

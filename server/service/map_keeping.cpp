@@ -162,7 +162,9 @@ void MapRunner::go_on_after_all() {
 void MapRunner::rename(std::string name, std::function<void(Status)> done) {
   queue_.post([self = shared_from_this(), name = std::move(name), done = std::move(done)] {
     if (self->has_ended()) return done(fail(ErrorCode::kRefused, self->ended().reason));
-    if (self->maker_ == nullptr || self->frozen_) return done(fail(ErrorCode::kRefused, "the map is frozen"));
+    if (self->maker_ == nullptr || self->frozen_)
+      return done(fail(ErrorCode::kRefused,
+                       "the map's work has failed; it takes nothing until the server starts again"));
     const auto show = [self, name, done] {
       self->guarded([&] {
         self->maker_->rename(name);

@@ -123,12 +123,13 @@ json describe(const told::Map& map) {
             {"epoch", map.epoch.value},          {"revision", map.revision.value},
             {"memory_bytes", map.memory_bytes},  {"at_rest", map.is_idle},
             {"plane_aligned", map.plane_aligned}};
-  if (!map.frozen.empty()) told["frozen"] = map.frozen;
+  if (!map.failed.empty()) told["failed"] = map.failed;
   return told;
 }
 
 json describe(const told::BusyMap& map) {
   json told = describe(map.map);
+  if (!map.frozen.empty()) told["frozen"] = map.frozen;
   told["bounds"] = {{"min", corner(map.bounds_min)}, {"max", corner(map.bounds_max)}};
   told["clients"] = map.clients;
   if (map.localized) told["localized"] = to_utc(*map.localized);

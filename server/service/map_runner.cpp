@@ -164,7 +164,7 @@ bool MapRunner::guarded(const std::function<void()>& work) {
 void MapRunner::freeze(const std::string& why) {
   if (std::exchange(frozen_, true)) return;
   const std::string name = published_ ? published_->name : std::string("not yet made");
-  log_->error("the map {} is frozen until the server starts again: {}", name, why);
+  log_->error("the map {} takes nothing until the server starts again: {}", name, why);
   if (listener_.frozen) listener_.frozen(why);
 }
 

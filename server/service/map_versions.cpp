@@ -84,7 +84,7 @@ void MapVersions::take(const std::string& operator_name, MapId id, MapEntry* ent
 }
 
 bool MapVersions::is_unused(MapId id, const MapEntry& entry) const {
-  return entry.snapshot != nullptr && entry.frozen.empty() && entry.offers_in_work == 0 &&
+  return entry.snapshot != nullptr && entry.failed.empty() && entry.offers_in_work == 0 &&
          context_.now() - entry.used_at >= context_.options.compact_after && overview_.count_in(id) == 0;
 }
 

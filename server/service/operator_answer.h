@@ -103,11 +103,13 @@ struct Map {
   size_t memory_bytes = 0;
   bool is_idle = false;
   bool plane_aligned = false;
-  std::string frozen;  ///< why; empty: it is not
+  std::string failed;  ///< why its work has ended, and it takes nothing until the server starts again; empty:
+                       ///< it works
 };
 /// And what goes on in it.
 struct BusyMap {
   Map map;
+  std::string frozen;  ///< by whom and why; empty: it is not
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
   size_t clients = 0;

@@ -47,7 +47,7 @@ told::Map describe_map(MapId id, const MapEntry& entry) {
           .memory_bytes = bytes_of(entry),
           .is_idle = is_idle(entry),
           .plane_aligned = entry.plane_aligned,
-          .frozen = entry.frozen};
+          .failed = entry.failed};
 }
 
 told::Server Overview::server() const {
@@ -114,6 +114,7 @@ size_t Overview::count_in(MapId map) const {
 
 told::BusyMap Overview::describe(MapId id, const MapEntry& entry) const {
   told::BusyMap busy{.map = describe_map(id, entry),
+                     .frozen = context_.access().why_frozen(id),
                      .bounds_min = entry.statistics.bounds_min,
                      .bounds_max = entry.statistics.bounds_max,
                      .clients = count_in(id),

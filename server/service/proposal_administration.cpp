@@ -127,7 +127,7 @@ void ProposalAdministration::drop(const Named& which, const AdminAnswer& answer)
 std::string ProposalAdministration::why_not_accepted(MapId map, const MapEntry& entry) const {
   if (std::string frozen = context_.access().why_frozen(map); !frozen.empty())
     return frozen + "; `cairnctl map " + entry.name + " unfreeze` lets it grow again";
-  if (!entry.frozen.empty()) return "the map takes nothing: " + entry.frozen;
+  if (!entry.failed.empty()) return "the map takes nothing: " + entry.failed;
   if (entry.leaving) return "the map is being deleted";
   if (entry.rolling_back) return kRollingBack;
   if (std::string trouble = context_.store->trouble(); !trouble.empty()) return trouble;

@@ -17,7 +17,7 @@ std::string why_aside(const wire::KeyframeOffer& offer, const MapEntry& entry, c
                                       : nullptr;
   if (!ruling.extent || reference == nullptr) return {};
   const Eigen::Vector3d center = (offer.camera_from_reference * reference->camera_from_map).center();
-  return contains(*ruling.extent, center) ? std::string() : outside(*ruling.extent, center);
+  return contains(*ruling.extent, center) ? std::string() : outside(*ruling.extent, "its camera", center);
 }
 
 }  // namespace cairn

@@ -91,6 +91,14 @@ Change read_grant(const json& request) {
   return grant;
 }
 
+Change read_limit(const json& request) {
+  asked::LimitGrowth limit;
+  limit.map = needed(request, "map");
+  limit.to = needed(request, "to");
+  if (const auto within = request.find("within"); within != request.end()) limit.within = within_of(*within);
+  return limit;
+}
+
 Change read_group(const json& request) {
   const auto list = request.find("members");
   if (list == request.end() || !list->is_array()) call_unfit("'members' is no list of names");
@@ -109,6 +117,7 @@ struct RightsVerb {
 };
 constexpr std::array kRightsVerbs{
     RightsVerb{"rights-grant", read_grant},
+    RightsVerb{"map-extent", read_limit},
     RightsVerb{"rights-revoke",
                [](const json& r) -> Change {
                  std::string map = needed(r, "map");

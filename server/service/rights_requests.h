@@ -11,11 +11,12 @@
 namespace cairn {
 
 /// Whether this is one of these requests: the verbs "rights-..." that change something, "map-freeze",
-/// "map-unfreeze", "client-block", "client-unblock", "proposals-welcome".
+/// "map-unfreeze", "map-extent", "client-block", "client-unblock", "proposals-welcome".
 [[nodiscard]] bool changes_rights(const std::string& verb);
 
 /// rights-grant (to, map, right, within, until), rights-revoke (to, map), rights-default (right, create),
 /// rights-create (to, may), rights-group (group, members), map-freeze (map, why), map-unfreeze (map),
+/// map-extent (to, map, within),
 /// client-block (client, why), client-unblock (client), proposals-welcome (map, welcome). `within`: {"box":
 /// [[x, y, z], [x, y, z]]}, {"center": [x, y, z], "radius": r}, or {"margin": m}. `verb`: one of these.
 [[nodiscard]] Result<asked::ChangeRights> read_change_rights(const std::string& verb,

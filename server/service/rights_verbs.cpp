@@ -75,13 +75,68 @@ struct Changer {
       grant.expires = taken(parse_utc(ask.until));
       if (*grant.expires <= now) refuse(ErrorCode::kUsage, ask.until + " is over already");
     }
+    put(std::move(grant), words_for(map));
+  }
+
+  /// `where`: "map desk".
+  void put(Grant grant, const std::string& where) const {
     grant.by = operator_name;
     grant.since = now;
-    out.entry.object = to_string(grant.subject) + ", " + words_for(map) + ": " +
-                       std::string(to_string(grant.right)) +
+    out.entry.object = to_string(grant.subject) + ", " + where + ": " + std::string(to_string(grant.right)) +
                        (grant.extent ? " within " + describe(*grant.extent) : "") +
                        (grant.expires ? " until " + to_utc(*grant.expires) : "");
     demand(out.rights.grant(std::move(grant)));
+  }
+
+  /// What somebody may do in a map while nobody has frozen it: of a group or everyone, what was granted to
+  /// them, else to everyone, for the map before all maps, else the site's default.
+  Ruling present(const Subject& subject, const MapId& map) const {
+    if (subject.kind == Subject::Kind::kClient) {
+      Rights open = out.rights;
+      demand(open.freeze(map, std::nullopt));
+      return open.rule(subject.name, map, now);
+    }
+    const Rights::Table table = out.rights.table();
+    for (const std::optional<MapId>& object : {std::optional(map), std::optional<MapId>()}) {
+      for (const Subject& whose : {subject, Subject{}}) {
+        const auto found = std::ranges::find_if(table.grants, [&](const Grant& grant) {
+          const bool is_over = grant.expires && *grant.expires <= now;
+          return grant.subject == whose && grant.map == object && !is_over;
+        });
+        if (found != table.grants.end()) return {found->right, found->extent, found->expires, {}};
+      }
+    }
+    return {table.standard, {}, {}, {}};
+  }
+
+  /// A grant for this map comes before those for all maps, also of who is named more closely there.
+  void demand_none_is_raised(const Subject& subject, Right right) const {
+    for (const Grant& other : out.rights.table().grants) {
+      const bool is_over = other.expires && *other.expires <= now;
+      if (other.map || is_over || other.subject.kind <= subject.kind || other.right >= right) continue;
+      refuse(ErrorCode::kUsage, to_string(other.subject) + " has '" + std::string(to_string(other.right)) +
+                                    "' in all maps, which an extent for " + to_string(subject) +
+                                    " in this map would raise; grant it for this map first");
+    }
+  }
+
+  void take(const asked::LimitGrowth& ask) const {
+    const NamedMap map = named(ask.map, find);
+    Grant grant;
+    grant.subject = taken(parse_subject(ask.to));
+    grant.map = map.id;
+    const Ruling now_may = present(grant.subject, map.id);
+    if (now_may.right != Right::kAdd && now_may.right != Right::kWrite) {
+      refuse(ErrorCode::kUsage, to_string(grant.subject) + " has the right '" +
+                                    std::string(to_string(now_may.right)) + "' in map " + map.name +
+                                    "; only 'add' and 'write' can be kept within an extent: `cairnctl rights "
+                                    "grant` gives one of them, with the same options");
+    }
+    demand_none_is_raised(grant.subject, now_may.right);
+    grant.right = now_may.right;
+    grant.expires = now_may.expires;
+    if (ask.within) grant.extent = extent_of(*ask.within, map);
+    put(std::move(grant), "map " + map.name);
   }
 
   void take(const asked::RevokeRight& ask) const {
@@ -124,8 +179,13 @@ struct Changer {
 
   void take(const asked::FreezeMap& ask) const {
     const NamedMap map = named(ask.map, find);
-    demand(out.rights.freeze(map.id, Closure{operator_name, now, ask.why}));
-    out.entry.object = "map " + map.name + (ask.why.empty() ? "" : ": " + ask.why);
+    const Rights::Table table = out.rights.table();
+    const auto before = table.frozen.find(map.id);
+    // Who freezes it once more without a word does not take back what was said.
+    const bool is_said = ask.why.empty() && before != table.frozen.end();
+    const Closure closure = is_said ? before->second : Closure{operator_name, now, ask.why};
+    demand(out.rights.freeze(map.id, closure));
+    out.entry.object = "map " + map.name + (closure.why.empty() ? "" : ": " + closure.why);
   }
 
   void take(const asked::UnfreezeMap& ask) const {

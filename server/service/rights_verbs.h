@@ -21,7 +21,7 @@ namespace cairn {
 struct NamedMap {
   MapId id;
   std::string name;
-  Box bounds;  ///< of its points, map frame
+  Box bounds;  ///< of its points and its keyframes' cameras, map frame
 };
 /// By name or id; nothing: there is none.
 using FindMap = std::function<std::optional<NamedMap>(const std::string& name_or_id)>;

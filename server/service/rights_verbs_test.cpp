@@ -70,6 +70,45 @@ TEST_F(RightsVerbsTest, AnExtentIsABoxASphereOrTheMapsBoundsWithAMargin) {
   EXPECT_THAT(grant("everywhere"), HasSubstr("no extent"));
 }
 
+/// Whatever the right comes from, an extent limits it and never raises it.
+TEST_F(RightsVerbsTest, AnExtentLeavesTheRight) {
+  const auto limit = [&](const char* to, json within) {
+    json request{{"verb", "map-extent"}, {"to", to}, {"map", "desk"}};
+    if (!within.is_null()) request["within"] = std::move(within);
+    return ask(request);
+  };
+  const json room{{"margin", 0.5}};
+  const auto grant = [&](const char* to, const char* map, const char* right) {
+    ask({{"verb", "rights-grant"}, {"to", to}, {"map", map}, {"right", right}});
+  };
+  EXPECT_THAT(limit("bob", room), HasSubstr("client bob has the right 'none' in map desk"));
+  grant("bob", "desk", "read");
+  EXPECT_THAT(limit("bob", room), HasSubstr("has the right 'read'"));
+  EXPECT_EQ(ruling("bob").right, Right::kRead);
+  grant("bob", "all", "write");
+  grant("bob", "desk", "add");
+  EXPECT_THAT(limit("bob", room), HasSubstr("map extent: client bob, map desk: add within box"));
+  EXPECT_EQ(ruling("bob").right, Right::kAdd);
+  EXPECT_TRUE(ruling("bob").extent);
+  EXPECT_EQ(limit("bob", nullptr), "map extent: client bob, map desk: add");
+  EXPECT_FALSE(ruling("bob").extent);
+  grant("group crew", "all", "add");
+  EXPECT_THAT(limit("group crew", room), HasSubstr("group crew, map desk: add within"));
+  EXPECT_THAT(limit("everyone", room), HasSubstr("everyone has the right 'none'"));
+  ask({{"verb", "rights-default"}, {"right", "write"}});
+  ask({{"verb", "map-freeze"}, {"map", "desk"}, {"why", "on show"}});
+  EXPECT_THAT(limit("everyone", room), HasSubstr("everyone, map desk: write within"));
+  EXPECT_THAT(limit("zoe", room), HasSubstr("client zoe, map desk: write within"));
+  grant("eve", "all", "none");
+  EXPECT_THAT(limit("everyone", room), HasSubstr("client eve has 'none' in all maps"));
+}
+
+TEST_F(RightsVerbsTest, WhoFreezesAMapAgainWithoutAWordLeavesTheReason) {
+  ask({{"verb", "map-freeze"}, {"map", "desk"}, {"why", "on show"}});
+  EXPECT_EQ(ask({{"verb", "map-freeze"}, {"map", "desk"}}), "map freeze: map desk: on show");
+  EXPECT_THAT(rights_.why_frozen(kDesk), HasSubstr("on show"));
+}
+
 TEST_F(RightsVerbsTest, GroupsDefaultsAndWhoMakesMaps) {
   EXPECT_EQ(ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob", "eve"}}}),
             "rights group: group crew: bob eve");

@@ -18,7 +18,7 @@ std::shared_ptr<MapRunner> ServedMaps::make_runner(MapId map) {
   };
   listener.frozen = [this, map, &post](const std::string& why) {
     post([this, map, why] {
-      if (MapEntry* entry = array_.find(map)) entry->frozen = why;
+      if (MapEntry* entry = array_.find(map)) entry->failed = why;
     });
   };
   listener.paged = [this, map, &post](MapStatistics now) {
@@ -78,7 +78,7 @@ std::optional<std::set<LabelId>> ServedMaps::replace(ResumedMap map) {
   entry->runner = map.runner;
   entry->plane_aligned = map.plane_aligned;
   entry->epochs = std::move(map.epochs);
-  entry->frozen.clear();
+  entry->failed.clear();
   entry->rolling_back = false;
   change(id, std::move(map.first));
   entry->runner->go_on();
@@ -120,7 +120,7 @@ void ServedMaps::evict_idle_maps(MonotonicTime now, const PlaceIndex& index) {
   if (std::exchange(memory_freed_, false)) context_.store->run([](Store&) { malloc_trim(0); });
   for (const auto& [map, entry] : array_.all()) {
     const bool is_awake = entry.statistics.keyframes > entry.statistics.without_images;
-    if (entry.runner == nullptr || entry.snapshot == nullptr || !entry.frozen.empty() || !is_awake ||
+    if (entry.runner == nullptr || entry.snapshot == nullptr || !entry.failed.empty() || !is_awake ||
         now - entry.used_at < idle_after)
       continue;
     const IndexedMap* indexed = index.find(map);

@@ -145,6 +145,26 @@ void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)
   executors_->site.submit(keep, Urgency::kUrgent);
 }
 
+void SiteAccess::let_maker_write(const std::string& client, const MapId& map, const std::string& map_name,
+                                 std::function<void(const Status& kept)> done) {
+  const Timestamp now = policy_->now();
+  RightsChange change{newest_,
+                      {0, now, "server", "rights grant",
+                       "client " + client + ", map " + map_name + ": write, as its maker", "done"}};
+  if (Status granted = change.rights.let_maker_write(client, map, now); !granted) return done(granted);
+  put(std::move(change), std::move(done));
+}
+
+void SiteAccess::forget(const MapId& map, const std::string& map_name) {
+  RightsChange change{
+      newest_, {0, policy_->now(), "server", "rights revoke", "map " + map_name + ", which is gone", "done"}};
+  change.rights.forget(map);
+  if (change.rights.table() == newest_.table()) return;
+  put(std::move(change), [log = log_, map_name](const Status& kept) {
+    if (!kept) log->error("rights in {}, which is gone, are still there: {}", map_name, kept.error().message);
+  });
+}
+
 void SiteAccess::note(AuditEntry entry) {
   if (file_ == nullptr) return;
   const auto write = [file = file_, log = log_, entry = std::move(entry)] {

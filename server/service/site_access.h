@@ -54,6 +54,11 @@ class SiteAccess {
   /// Keeps a change and puts it in force; `done` is told on the service's thread. Changes come into force in
   /// their order, before what is asked of the audit log; each is to be made of the newest rights().
   void put(RightsChange change, std::function<void(const Status& kept)> done);
+  /// Who has made a map may write in it from now on: kept and put in force as by put().
+  void let_maker_write(const std::string& client, const MapId& map, const std::string& map_name,
+                       std::function<void(const Status& kept)> done);
+  /// The map is gone for good, and all that was said of it goes with it.
+  void forget(const MapId& map, const std::string& map_name);
   /// The newest, in force or about to be.
   [[nodiscard]] const Rights& rights() const { return newest_; }
   /// Writes an entry into the audit log, soon. What the disk does not take is in the server's log only.

@@ -23,11 +23,28 @@ void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& ne
   }
 }
 
+namespace {
+
+/// Of its points, but for those farthest out, and its keyframes' cameras.
+Box bounds_of(const MapEntry& entry) {
+  Box bounds{entry.statistics.bounds_min.cast<double>(), entry.statistics.bounds_max.cast<double>()};
+  if (entry.snapshot == nullptr) return bounds;
+  for (const auto& block : entry.snapshot->keyframe_blocks) {
+    for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {
+      if ((block->live >> slot & 1U) == 0) continue;
+      const Eigen::Vector3d center = block->keyframes[slot].camera_from_map.center();
+      bounds = {bounds.min.cwiseMin(center), bounds.max.cwiseMax(center)};
+    }
+  }
+  return bounds;
+}
+
+}  // namespace
+
 std::optional<NamedMap> SiteAdministration::named_map(const std::string& name_or_id) {
   const auto [id, entry] = find_called(maps_, name_or_id);
   if (entry == nullptr) return std::nullopt;
-  const MapStatistics& now = entry->statistics;
-  return NamedMap{id, entry->name, {now.bounds_min.cast<double>(), now.bounds_max.cast<double>()}};
+  return NamedMap{id, entry->name, bounds_of(*entry)};
 }
 
 void SiteAdministration::take(const std::string& operator_name, const asked::ChangeRights& ask,

@@ -336,8 +336,8 @@ class Operator(OnTheDesk):
             self.spoil(store, made, "DELETE FROM images WHERE id = 2")
             stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
-            self.assertIn("images, row 2 is missing", self.map_1(server)["frozen"])
-            self.assertIn("frozen", self.ctl("status", server=server)["health"])
+            self.assertIn("images, row 2 is missing", self.map_1(server)["failed"])
+            self.assertIn("takes nothing", self.ctl("status", server=server)["health"])
             self.assertEqual(self.map_1(server)["keyframes"], made["keyframes"])
 
     def test_an_idle_map_is_paged_in_only_where_there_is_memory_for_its_images(self):

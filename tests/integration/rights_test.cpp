@@ -255,6 +255,42 @@ TEST_P(RightsOverDds, AnExtentBoundsWhatOneAddsAndNobodyElse) {
   EXPECT_FALSE(replies[0].accepted);
   EXPECT_THAT(replies[0].reason, HasSubstr("is outside of where this client may let the map grow"));
   EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+  const auto label = ask(*bob, new_label("far away"));
+  ASSERT_TRUE(label);
+  EXPECT_FALSE(label->done);
+  EXPECT_THAT(label->reason, HasSubstr("the label, at "));
+  EXPECT_TRUE(may_label(*anna_));
+  grant("bob", "write", sphere(1000));
+  EXPECT_TRUE(may_label(*bob));
+}
+
+/// Where nobody may more than read, but make maps: in its own the maker may write, also after a restart.
+TEST_P(RightsOverDds, WhoMakesAMapMayLetItGrow) {
+  ask_server({{"verb", "rights-default"}, {"right", "read"}, {"create", true}});
+  make_map();
+  EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+  EXPECT_THAT(why_no_offer(*open("bob")), HasSubstr("read, as everyone has at this site"));
+  const json grants = ask_server({{"verb", "rights"}})["grants"];
+  ASSERT_EQ(grants.size(), 1U);
+  EXPECT_EQ(grants[0]["to"], "client anna");
+  EXPECT_EQ(grants[0]["by"], "the server, as its maker");
+  admin_.reset();
+  service_.reset();
+  start_service_again();
+  connect();
+  EXPECT_EQ(ask_server({{"verb", "rights"}})["grants"], grants);
+}
+
+/// The cameras of the map stand outside of its points.
+TEST_P(RightsOverDds, WithinItsBoundsAndAMarginAMapGrowsAsBefore) {
+  make_map();
+  ask_server({{"verb", "map-extent"}, {"to", "anna"}, {"map", "map-1"}, {"within", {{"margin", 1}}}});
+  EXPECT_THAT(why_no_offer(*anna_), ::testing::Not(HasSubstr("outside")));
+  testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 5);
+  anna_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{5});
+  std::vector<OfferReply> replies;
+  ASSERT_TRUE(eventually([&] { return !(replies = anna_->take_offer_replies()).empty(); }));
+  EXPECT_THAT(replies[0].reason, ::testing::Not(HasSubstr("outside")));
 }
 
 INSTANTIATE_TEST_SUITE_P(Site, RightsOverDds, ::testing::Bool(),
