@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "common/wire/internal/known_lines.h"
 #include "common/wire/internal/line_fold.h"
 
 namespace cairn::wire {
@@ -26,10 +27,14 @@ class LogRedirect::Sink {
   void write(const dds_log_data_t& line) {
     std::string_view text(line.message);
     while (text.ends_with('\n')) text.remove_suffix(1);
-    if (refused_ != nullptr) refused_->note(text);
+    const auto known = internal::known_line(text);
+    // Whoever owns the list tells of those in it, in a sentence.
+    const bool is_told_elsewhere = refused_ != nullptr && refused_->note(text);
+    if (is_told_elsewhere || (known && known->is_harmless)) return logger_->debug("dds: {}", text);
     const bool is_error = (line.priority & (DDS_LC_FATAL | DDS_LC_ERROR)) != 0;
     const std::lock_guard lock(mutex_);
-    say(fold_.take(line.file, line.line, {std::string(text), is_error}, std::chrono::steady_clock::now()));
+    say(fold_.take(line.file, line.line, {known ? known->words : std::string(text), is_error},
+                   std::chrono::steady_clock::now()));
   }
 
   void say(const std::vector<internal::LineFold::Said>& lines) const {

@@ -34,6 +34,7 @@ std::string reason_of(std::string_view words) {
   constexpr std::string_view kError = "error: ";
   const size_t at = words.rfind(kError);
   std::string_view reason = at == std::string_view::npos ? words : words.substr(at + kError.size());
+  if (reason.starts_with("certificate revoked")) return "its keys were revoked";
   constexpr size_t kMost = 120;
   return "its certificate is not accepted: " + std::string(reason.substr(0, kMost));
 }
@@ -62,11 +63,12 @@ std::optional<RefusedPeer> refused_peer_in(std::string_view line) {
   return std::nullopt;
 }
 
-void RefusedPeers::note(std::string_view line) {
+bool RefusedPeers::note(std::string_view line) {
   auto peer = refused_peer_in(line);
-  if (!peer) return;
+  if (!peer) return false;
   const std::lock_guard lock(mutex_);
   if (peers_.size() < kMost) peers_.insert(*std::move(peer));
+  return true;
 }
 
 std::vector<RefusedPeer> RefusedPeers::take() {

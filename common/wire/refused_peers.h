@@ -29,7 +29,8 @@ class RefusedPeers {
  public:
   static constexpr size_t kMost = 32;
 
-  void note(std::string_view line);
+  /// Whether the line says that somebody was not let in.
+  bool note(std::string_view line);
   [[nodiscard]] std::vector<RefusedPeer> take();
 
  private:

@@ -16,7 +16,12 @@ TEST(RefusedPeers, AreReadFromWhatTheMiddlewareSays) {
       "/O=cairn/OU=client/CN=phone-1(code: 200)");
   ASSERT_TRUE(revoked);
   EXPECT_EQ(revoked->who, "somebody as client phone-1");
-  EXPECT_EQ(revoked->why, "its certificate is not accepted: certificate revoked");
+  EXPECT_EQ(revoked->why, "its keys were revoked");
+  EXPECT_EQ(
+      refused_peer_in("Process handshake failed: Certificate not valid: error: certificate has expired; "
+                      "subject: /O=cairn/OU=client/CN=phone-1(code: 200)")
+          ->why,
+      "its certificate is not accepted: certificate has expired");
   const auto self_signed = refused_peer_in(
       "Could not get remote participant dfb5f137:1626889a:b7f96433:1c1 permissions from plugin: Failed to "
       "parse "
