@@ -208,7 +208,11 @@ std::string no_server_text(const TrackOptions& options, const Session& session) 
   return "no cairn-server answers at " + options.server + " in domain " + std::to_string(options.domain) +
          ", asked " + session.network() +
          "; is it running, in the same domain and for this network (its --profile and --listen)? --listen "
-         "here takes another interface";
+         "here takes another interface" +
+         (options.security.empty()
+              ? ""
+              : ". Or your keys are no longer accepted, of which a server says nothing: ask "
+                "the operator");
 }
 
 /// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or
@@ -378,6 +382,14 @@ struct Ending {
   bool at_end = false;  ///< of the source, or quit in the window; else interrupted
 };
 
+/// Nothing: the map that was asked for was there, or none in particular was.
+std::optional<Error> missing_map(const Run& run) {
+  const std::string& map = run.options.map;
+  if (map.empty() || run.session->snapshot() != nullptr) return std::nullopt;
+  return Error{ErrorCode::kRefused, "the server lists no map '" + map +
+                                        "' to track in (`cairnctl maps` lists all, deleted ones too)"};
+}
+
 /// The exit code. What did not work is logged.
 int judge(const Run& run, const RunStats& stats, const SessionStatus& session, const Ending& ending) {
   if (!ending.closed) return report_error(ending.closed.error(), run.log);
@@ -388,6 +400,7 @@ int judge(const Run& run, const RunStats& stats, const SessionStatus& session, c
   if (!ending.at_end) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting)
     return report_error({ErrorCode::kNoServer, no_server_text(run.options, *run.session)}, run.log);
+  if (const auto missing = missing_map(run)) return report_error(*missing, run.log);
   if (kept != 0) return kept;
   const size_t undecodable = stats.frames_total() - stats.frames_decoded();
   if (!run.source->is_live() && 2 * undecodable > stats.frames_total()) {
@@ -492,7 +505,10 @@ int wait_and_track(Run& run) {
   const Logger& log = run.log;
   const auto stop = [&run] { return run.stop_requested(); };
   Session& session = *run.session;
-  const auto server_is_there = [&](milliseconds slice) { return session.wait_for_server(slice); };
+  // Or it has said that it will not be there for us.
+  const auto server_is_there = [&](milliseconds slice) {
+    return session.wait_for_server(slice) || session.status().link == ServerLink::kRefused;
+  };
   if (!run.source->is_live() && !server_is_there(kPatienceSlice)) {
     log->info("waiting for cairn-server at {} in domain {}, {}", options.server, options.domain,
               session.network());
@@ -507,10 +523,7 @@ int wait_and_track(Run& run) {
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
   if (!run.source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
-    log->warn(
-        "the server lists no map '{}' to track in (`cairnctl maps` lists all, deleted ones too); "
-        "going on until it does",
-        options.map);
+    log->warn("{}; going on until it does", missing_map(run)->message);
   }
   if (stop()) return kInterruptedExit;
   if (const auto status = session.status();

@@ -134,8 +134,13 @@ void Narrator::on_seed_reply(const SeedReply& reply) {
                to_hex(reply.answer->map.bytes).substr(0, 8), reply.answer->points.size());
   } else {
     why_no_map_ = reply.reason;
-    log_->info("the server refused to start a map: {}", reply.reason);
+    tell_refusal("the server refused to start a map: " + reply.reason);
   }
+}
+
+/// A tracker that is refused a map begins another at once.
+void Narrator::tell_refusal(const std::string& refusal) {
+  if (const auto said = refusals_.say(refusal, clock_.now())) log_->info("{}", *said);
 }
 
 /// One line for each verdict and reason: a restarted server refuses a whole spool at once.
@@ -148,6 +153,11 @@ void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
     ++verdicts[verdict];
   }
   for (const auto& [verdict, count] : verdicts) {
+    if (verdict.starts_with("refused: ")) {
+      tell_refusal(
+          fmt::format("{} {}", count == 1 ? "keyframe" : fmt::format("{} keyframes", count), verdict));
+      continue;
+    }
     log_->info("frame {}: {} {}", number_, count == 1 ? "keyframe" : fmt::format("{} keyframes", count),
                verdict);
   }
@@ -228,6 +238,7 @@ void Narrator::tell_imu_gap(Timestamp time) {
 
 void Narrator::finish() {
   if (terminal_ && last_progress_) (void)terminal_->write("\r\x1b[K");
+  for (const std::string& refusal : refusals_.rest()) log_->info("{}", refusal);
 }
 
 std::string Narrator::why_no_map() const {

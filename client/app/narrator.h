@@ -10,6 +10,7 @@
 
 #include "client/app/frame_observer.h"
 #include "common/base/log.h"
+#include "common/base/repeats.h"
 #include "common/base/stream_writer.h"
 #include "common/map/ids.h"
 
@@ -47,6 +48,7 @@ class Narrator final : public FrameObserver {
 
  private:
   void tell_map(const FrameReport& report);
+  void tell_refusal(const std::string& refusal);
   void tell_tracking(const FrameReport& report);
   void tell_rig(const FrameReport& report);
   void tell_imu(const FrameReport& report);
@@ -76,6 +78,7 @@ class Narrator final : public FrameObserver {
   bool seed_waits_ = false;  ///< for the server's verdict
   std::string why_no_map_;
   std::string server_text_;
+  Repeats refusals_;
   std::string rig_;  ///< as said last, without its numbers
 };
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "client/app/test_doubles.h"
@@ -35,6 +36,17 @@ class Narration {
     return said_.str();
   }
 
+  /// So many seeds a second are refused, for so long, and the run ends.
+  std::string of_refused_seeds(int per_second, int seconds, const std::string& reason) {
+    said_.str({});
+    for (int i = 0; i < per_second * seconds; ++i) {
+      narrator_.on_seed_reply({std::nullopt, reason});
+      clock_.pass(std::chrono::nanoseconds(std::chrono::seconds(1)) / per_second);
+    }
+    narrator_.finish();
+    return said_.str();
+  }
+
  private:
   std::ostringstream said_;
   Logger log_ =
@@ -42,6 +54,15 @@ class Narration {
   testing::ManualClock clock_;
   Narrator narrator_{log_, clock_, std::nullopt};
 };
+
+TEST(Narrator, TheSameRefusalIsSaidOnceAndThenHowOften) {
+  const std::string said =
+      Narration(spdlog::level::info).of_refused_seeds(10, 90, "this client is blocked by ann");
+  EXPECT_EQ(std::ranges::count(said, '\n'), 3) << said;
+  EXPECT_THAT(said, HasSubstr("refused to start a map: this client is blocked by ann\n"));
+  EXPECT_THAT(said, HasSubstr("(599 more like it"));
+  EXPECT_THAT(said, HasSubstr("(299 more like it"));
+}
 
 TEST(Narrator, AGapOfTheImuIsSaidAfterTwoSecondsOnceAndItsEndToo) {
   Narration narration(spdlog::level::info);

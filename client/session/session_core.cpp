@@ -314,21 +314,31 @@ bool SessionCore::is_settled() const {
   return seed_.empty() && spool_.size() == 0 && query_.empty() && requests_.size() == 0 && maps_.is_current();
 }
 
+/// A server that was started anew does not as much as answer whose keys are revoked: the middleware tells
+/// neither of the two.
+std::string SessionCore::text_of_silence() const {
+  const std::string gone =
+      options_.security.empty() ? "server gone" : "server gone, or it no longer accepts our keys";
+  if (!maps_.snapshot()) return gone;
+  return gone + (tracker_.state == TrackingState::kLost
+                     ? ": lost; searching from where it was last, no more can be done"
+                     : ": tracking on the replica");
+}
+
 SessionStatus SessionCore::status() const {
   SessionStatus status;
   status.link = monitor_.link();
   status.map_known = is_map_known();
   status.spooled = spool_.size();
-  if (status.link == ServerLink::kConnecting) {
+  if (!refusal_.empty()) {
+    // Also when it is not heard any more: whose keys are revoked is told so, and nothing else from then on.
+    const bool is_silent = status.link == ServerLink::kGone;
+    status.link = ServerLink::kRefused;
+    status.text = refusal_ + (is_silent ? "; the server is not heard any more" : "");
+  } else if (status.link == ServerLink::kConnecting) {
     status.text = "waiting for a server at " + options_.server;
   } else if (status.link == ServerLink::kGone) {
-    const bool lost = tracker_.state == TrackingState::kLost;
-    status.text = !maps_.snapshot() ? "server gone"
-                  : lost ? "server gone: lost; searching from where it was last, no more can be done"
-                         : "server gone: tracking on the replica";
-  } else if (!refusal_.empty()) {
-    status.link = ServerLink::kRefused;
-    status.text = refusal_;
+    status.text = text_of_silence();
   } else if (!status.map_known) {
     status.link = ServerLink::kRestarted;
     status.text = std::string(kRestartedText) + ": it begins a new one when lost, or asked to";

@@ -117,6 +117,7 @@ class SessionCore {
 
  private:
   void act_on(LinkMonitor::Event event);
+  [[nodiscard]] std::string text_of_silence() const;
   void begin_anew();
   void choose_map(MapId map);
   [[nodiscard]] wire::TrackerStateMessage state_to_send() const;

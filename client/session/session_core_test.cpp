@@ -208,6 +208,38 @@ TEST_F(SessionCoreTest, WhoIsRefusedIsToldWhyAndSendsAgainWhenThatIsOver) {
   EXPECT_EQ(only<SessionCore::Offer>(drain()).size(), 1U);
 }
 
+TEST_F(SessionCoreTest, WhatTheServerSaidLastOfARefusalHoldsWhenItIsNotHeardAnyMore) {
+  wire::OfferOutcome notice;
+  notice.reason = "keys revoked";
+  decide(0, 0, {notice});
+  EXPECT_EQ(core_->status().link, ServerLink::kRefused) << "the server has said nothing else yet";
+  EXPECT_EQ(core_->status().text, "keys revoked");
+  connect();
+  use(kDesk, 1);
+  core_->take_presence(false);
+  EXPECT_EQ(core_->status().link, ServerLink::kRefused);
+  EXPECT_THAT(core_->status().text, HasSubstr("keys revoked; the server is not heard"));
+  connect();
+  decide(0, 2);
+  EXPECT_EQ(core_->status().link, ServerLink::kConnected);
+}
+
+class SecuredCoreTest : public SessionCoreTest {
+ protected:
+  static SessionOptions secured() {
+    SessionOptions options;
+    options.security = "keys";
+    return options;
+  }
+  SecuredCoreTest() : SessionCoreTest(secured()) {}
+};
+
+TEST_F(SecuredCoreTest, AServerThatIsGoneMayBeOneThatDoesNotAcceptOurKeys) {
+  connect();
+  core_->take_presence(false);
+  EXPECT_THAT(core_->status().text, HasSubstr("no longer accepts our keys"));
+}
+
 TEST_F(SessionCoreTest, IsSettledWhenAllIsDecidedAndTheNamedRevisionIsThere) {
   connect();
   use(kDesk, 1);

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+/// Folds what would be said again and again, such as the same refusal ten times a second: said once, and
+/// again after a time with how often it has come meanwhile. Pure: the time is handed in. One thread.
+class Repeats {
+ public:
+  using TimePoint = std::chrono::steady_clock::time_point;
+
+  explicit Repeats(std::chrono::seconds interval = std::chrono::minutes(1)) : interval_(interval) {}
+
+  /// What is to be said of `text`, which has come: it, or it with how often it has come since it was said
+  /// last; nothing: it is folded.
+  [[nodiscard]] std::optional<std::string> say(const std::string& text, TimePoint now) {
+    if (known_.size() >= kMost && !known_.contains(text)) known_.clear();
+    const auto [it, is_new] = known_.try_emplace(text, Said{now, 0});
+    Said& said = it->second;
+    if (is_new) return text;
+    if (now - said.at < interval_) {
+      ++said.untold;
+      return std::nullopt;
+    }
+    const std::string words = counted(text, said.untold);
+    said = {now, 0};
+    return words;
+  }
+
+  /// What was folded and has not been told.
+  [[nodiscard]] std::vector<std::string> rest() {
+    std::vector<std::string> all;
+    for (auto& [text, said] : known_)
+      if (said.untold > 0) all.push_back(counted(text, said.untold));
+    known_.clear();
+    return all;
+  }
+
+ private:
+  static constexpr size_t kMost = 64;  ///< different ones; whoever chooses the words may choose many
+  struct Said {
+    TimePoint at;
+    size_t untold = 0;
+  };
+  static std::string counted(const std::string& text, size_t untold) {
+    if (untold == 0) return text;
+    return text + " (" + std::to_string(untold) + " more like it since it was said)";
+  }
+
+  std::chrono::seconds interval_;
+  std::map<std::string, Said> known_;
+};
+
+}  // namespace cairn
