@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/discovered.h"
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "common/base/utf8.h"
@@ -41,8 +43,15 @@ struct BuiltIn<DiscoveredReader> {
     return reader.participant_instance_handle;
   }
   static DiscoveredReader read(const Sample& reader, uint64_t handle) {
-    return {handle, reader.topic_name, internal::partitions_of(reader.qos), false,
-            reader.participant_instance_handle};
+    PeerId process;
+    std::copy(std::begin(reader.participant_key.v), std::end(reader.participant_key.v),
+              process.bytes.begin());
+    return {handle,
+            reader.topic_name,
+            internal::partitions_of(reader.qos),
+            false,
+            reader.participant_instance_handle,
+            process};
   }
 };
 

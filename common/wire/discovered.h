@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/wire/peers.h"
 #include "common/wire/topic.h"
 
 namespace cairn::wire {
@@ -18,6 +19,7 @@ struct DiscoveredReader {
   std::vector<std::string> partitions;
   bool gone = false;
   uint64_t participant = 0;  ///< whose it is: DiscoveredParticipant::handle
+  PeerId process{};          ///< likewise, as of its publications
 };
 
 /// A peer that has announced itself, or one that has gone. In a secured site the middleware has not asked it

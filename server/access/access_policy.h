@@ -56,6 +56,8 @@ class AccessPolicy {
   }
   /// Why the map takes no keyframes, proposals that an operator accepts included; empty: it does.
   [[nodiscard]] virtual std::string why_frozen(const MapId& /*map*/) const { return {}; }
+  /// Why the client is kept out altogether, for its user; empty: it is not.
+  [[nodiscard]] virtual std::string why_blocked(const Principal& /*client*/) const { return {}; }
   /// Error kRefused with the reason.
   [[nodiscard]] virtual Status may_ask(const Principal& operator_, OperatorAct act) const = 0;
 

@@ -217,6 +217,11 @@ std::string Rights::why_frozen(const MapId& map) const {
   return frozen == frozen_.end() ? std::string() : reason_of("the map is frozen", frozen->second);
 }
 
+std::string Rights::why_blocked(const std::string& client) const {
+  const auto blocked = blocked_.find(client);
+  return blocked == blocked_.end() ? std::string() : reason_of("this client is blocked", blocked->second);
+}
+
 /// The closest first.
 std::vector<Subject> Rights::subjects_of(const std::string& client) const {
   std::vector<Subject> subjects{{Subject::Kind::kClient, client}};
@@ -255,10 +260,8 @@ const Grant* Rights::deciding(const std::vector<const Grant*>& grants, Timestamp
 
 Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) const {
   Ruling ruling;
-  if (const auto blocked = blocked_.find(client); blocked != blocked_.end()) {
-    ruling.reason = reason_of("this client is blocked", blocked->second);
-    return ruling;
-  }
+  ruling.reason = why_blocked(client);
+  if (!ruling.reason.empty()) return ruling;
   const auto grants = grants_for(client, map);
   if (const Grant* grant = deciding(grants, now)) {
     ruling = {grant->right, grant->extent, grant->expires, reason_of(*grant)};
@@ -277,8 +280,7 @@ Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) 
 }
 
 Ruling Rights::rule_on_creating(const std::string& client) const {
-  if (const auto blocked = blocked_.find(client); blocked != blocked_.end())
-    return {Right::kNone, {}, {}, reason_of("this client is blocked", blocked->second)};
+  if (std::string why = why_blocked(client); !why.empty()) return {Right::kNone, {}, {}, std::move(why)};
   const Subject* decides = nullptr;
   bool may = may_create_;
   const std::vector<Subject> subjects = subjects_of(client);

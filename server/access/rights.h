@@ -121,6 +121,8 @@ class Rights {
   [[nodiscard]] bool welcomes_proposals(const MapId& map) const;
   /// Empty: it is not frozen.
   [[nodiscard]] std::string why_frozen(const MapId& map) const;
+  /// Empty: it is not blocked.
+  [[nodiscard]] std::string why_blocked(const std::string& client) const;
   /// All that was looked at for rule().
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;

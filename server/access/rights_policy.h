@@ -26,6 +26,9 @@ class RightsPolicy : public AccessPolicy {
     return rights_.welcomes_proposals(map) && may_read(client, map);
   }
   [[nodiscard]] std::string why_frozen(const MapId& map) const override { return rights_.why_frozen(map); }
+  [[nodiscard]] std::string why_blocked(const Principal& client) const override {
+    return rights_.why_blocked(client.name);
+  }
   /// By the operator's role.
   [[nodiscard]] Status may_ask(const Principal& who, OperatorAct act) const override {
     const Duty needed = duty_for(act);

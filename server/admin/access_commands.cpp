@@ -293,7 +293,9 @@ void print_clients(const json& all) {
     const std::string wearer = text_of(client, "wearer");
     const std::string map = text_of(client, "map");
     std::printf("%s %s%s%s%s%s%s\n", padded(text_of(client, "name"), 33).c_str(),
-                client.value("connected", false) ? "connected" : "away",
+                client.value("connected", false) ? "connected"
+                : client.value("revoked", false) ? "revoked"
+                                                 : "away",
                 client.value("blocked", false) ? ", blocked" : "", map.empty() ? "" : ", in ", map.c_str(),
                 wearer.empty() ? "" : ", worn by ", wearer.c_str());
   }
@@ -364,6 +366,9 @@ void describe_audit(CLI::App* app, AccessAction* action) {
   const auto words = std::make_shared<Words>();
   CLI::App* audit = app->add_subcommand("audit", "who did what, the newest first");
   audit->footer(
+      "Maps made, labels placed, renamed and removed, what operators did and who was turned away are here. "
+      "Who "
+      "contributed which keyframe is kept in each map: `cairnctl map NAME contributors`.\n\n"
       "Examples:\n  cairnctl audit --who ann\n  cairnctl audit --action rights --from 2027-01-01 --limit "
       "1000\n"
       "  cairnctl audit --json --limit 100000 > audit.json");

@@ -197,7 +197,10 @@ Status revoke(const Words& words, bool as_json) {
   auto keys = Keystore::open(words.folder);
   if (!keys) return tl::unexpected(keys.error());
   if (Status revoked = keys->revoke(named->first, named->second, wall_clock_now()); !revoked) return revoked;
-  print_identities({keys->identities().at(*named)}, as_json);
+  const Identity& identity = keys->identities().at(*named);
+  print_identities({identity}, as_json);
+  std::fprintf(stderr, "cairnctl: its security folder is removed here, and the name %s is taken until %s\n",
+               named->second.c_str(), to_utc(last_expiry(identity)).c_str());
   std::fprintf(stderr,
                "cairnctl: copy %s and crl.pem to the security folders of servers on other machines, crl.pem "
                "also to those "

@@ -7,6 +7,10 @@
 
 namespace cairn {
 
+/// Who runs this program, as the operating system knows them: who has become another by sudo goes by the name
+/// that they had before. [a-z0-9-]{1,20}
+[[nodiscard]] std::string person_name();
+
 /// "USER-PROCESS", a name that no other process of this machine has: an operator's, or a commander's.
 [[nodiscard]] std::string own_name();
 

@@ -180,7 +180,7 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
   if (!staging) return tl::unexpected(staging.error());
   const fs::path unpacked = staging->path() / folder.filename();
   const auto content = unpack(backup, unpacked);
-  const Status done = content ? settle_restored(unpacked, folder, check_rights, "operator " + own_name())
+  const Status done = content ? settle_restored(unpacked, folder, check_rights, "operator " + person_name())
                               : tl::unexpected(content.error());
   if (!done) return tl::unexpected(staging->told_of(folder.parent_path(), done.error()));
   const json told{

@@ -87,7 +87,8 @@ void print_table(const json& now) {
   }
   std::printf("\n%-32s %-9s %-9s %8s %-32s %s\n", "CLIENT", "LINK", "STATE", "QUALITY", "MAP", "WEARER");
   for (const json& client : now["clients"]) {
-    const char* link = client.value("blocked", false)     ? "blocked"
+    const char* link = client.value("revoked", false)     ? "revoked"
+                       : client.value("blocked", false)   ? "blocked"
                        : client.value("connected", false) ? "connected"
                                                           : "away";
     const std::string state = text_of(client, "state");

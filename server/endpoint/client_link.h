@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/base/time.h"
 #include "common/wire/participant.h"
+#include "common/wire/peers.h"
 #include "common/wire/topic.h"
 #include "server/endpoint/map_feed.h"
 #include "server/service/service_output.h"
@@ -32,10 +35,19 @@ struct ClientWriters {
 /// Writes an event to its topic.
 [[nodiscard]] Status write(ClientWriters& writers, const ClientEvent& event);
 
+/// To the partition of a client that is turned away: its tracker tells who holds it why it is not served.
+struct Farewell {
+  wire::Writer<wire::OfferVerdict> to;
+  SessionId told;                            ///< the process that was told last
+  RateLimit again{std::chrono::seconds(1)};  ///< where several try by turns
+};
+
 /// What leads to one client: made of its readers as they are discovered.
 struct ClientLink {
   int status_readers = 0;                       ///< discovered; 0: not connected
+  std::optional<wire::PeerId> process;          ///< whose readers were discovered last
   std::optional<ClientWriters> writers;         ///< while connected
+  std::optional<Farewell> farewell;             ///< while it is turned away and tries to be served
   std::map<MapId, int> wanted;                  ///< map readers discovered, by map
   std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that there are for it
   std::set<MapId> authored;                     ///< maps that have keyframes of its

@@ -6,9 +6,6 @@ namespace {
 
 /// Who is revoked is gone within a second.
 constexpr std::chrono::milliseconds kLookInterval{250};
-/// What goes on trying must not fill the audit log.
-constexpr std::chrono::minutes kTellInterval{1};
-constexpr size_t kMostRefusedTold = 32;  ///< different ones within that time
 
 }  // namespace
 
@@ -35,27 +32,18 @@ Principal Doorkeeper::operator_of(std::string name) {
   return operator_principal(std::move(name), Principal::Proof::kProven, duty.value_or(Duty::kWatch));
 }
 
-bool Doorkeeper::is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now) {
-  return told_.try_emplace({role, name}, kTellInterval).first->second.due(now);
+std::optional<std::string> Doorkeeper::note_try(IdentityRole role, const std::string& name,
+                                                const std::optional<wire::PeerId>& process,
+                                                MonotonicTime now) {
+  const auto untold = tries_.note(std::string(to_string(role)) + " " + name, process, now);
+  if (!untold) return std::nullopt;
+  if (*untold == 0) return kRevoked;
+  return std::string(kRevoked) + "; " + std::to_string(*untold) +
+         " messages of it were passed over meanwhile";
 }
 
 std::vector<wire::RefusedPeer> Doorkeeper::refused_to_be_told(MonotonicTime now) {
-  if (!keys_.is_secured()) return {};
-  std::erase_if(refused_told_, [now](const auto& known) { return now - known.second >= kTellInterval; });
-  std::vector<wire::RefusedPeer> refused;
-  if (refused_ != nullptr) refused = refused_->take();
-  for (const Strangers::Told& stranger : strangers_.take(now)) {
-    const char* what = stranger.has_left ? "gone again before it was let in; whether it has keys is not known"
-                                         : "no keys of this site were shown";
-    refused.push_back({"somebody", std::string(what) + " (" + stranger.says + ")"});
-  }
-  std::vector<wire::RefusedPeer> told;
-  for (wire::RefusedPeer& peer : refused) {
-    // That there are many is on record then.
-    if (refused_told_.size() >= kMostRefusedTold || !refused_told_.try_emplace(peer, now).second) continue;
-    told.push_back(std::move(peer));
-  }
-  return told;
+  return keys_.is_secured() ? refusals_.take(now) : std::vector<wire::RefusedPeer>();
 }
 
 bool Doorkeeper::look(MonotonicTime now) {

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <chrono>
-#include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,9 +12,11 @@
 #include "common/base/log.h"
 #include "common/base/rate_limit.h"
 #include "common/base/time.h"
+#include "common/wire/peers.h"
 #include "common/wire/refused_peers.h"
 #include "server/access/principal.h"
-#include "server/endpoint/strangers.h"
+#include "server/endpoint/refusals.h"
+#include "server/endpoint/tries.h"
 #include "server/keys/site_keys.h"
 
 namespace cairn {
@@ -25,10 +28,14 @@ class Doorkeeper {
  public:
   /// Why somebody is turned away, for a person.
   static constexpr const char* kRevoked = "its keys were revoked";
+  /// The same, to who is turned away.
+  static constexpr const char* kYoursRevoked =
+      "an operator has revoked the keys of this device: it is not served any more; ask the operator for new "
+      "ones";
 
   /// `refused`: whom the middleware has not let in; null: nobody says.
   Doorkeeper(SiteKeys keys, Logger log, std::shared_ptr<wire::RefusedPeers> refused = nullptr)
-      : keys_(std::move(keys)), log_(std::move(log)), refused_(std::move(refused)) {}
+      : keys_(std::move(keys)), log_(std::move(log)), refusals_(std::move(refused)) {}
 
   /// By the name in a partition of theirs.
   [[nodiscard]] Principal client(std::string name) const;
@@ -42,15 +49,21 @@ class Doorkeeper {
   [[nodiscard]] bool is_turned_away(IdentityRole role, const std::string& name) const {
     return keys_.is_revoked(role, name);
   }
-  /// Whether it is time to say (again) that somebody who was turned away goes on trying.
-  [[nodiscard]] bool is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now);
+  /// Clients that are turned away whenever they come.
+  [[nodiscard]] std::set<std::string> clients_turned_away() const {
+    return keys_.revoked(IdentityRole::kClient);
+  }
+  /// Somebody who is turned away has tried to be served. Why, for the log, if that is to be said (again).
+  [[nodiscard]] std::optional<std::string> note_try(IdentityRole role, const std::string& name,
+                                                    const std::optional<wire::PeerId>& process,
+                                                    MonotonicTime now);
 
   /// Peers that come, are let in by the middleware, and go.
   void came(uint64_t participant, std::string says, MonotonicTime now) {
-    if (keys_.is_secured()) strangers_.came(participant, std::move(says), now);
+    if (keys_.is_secured()) refusals_.came(participant, std::move(says), now);
   }
-  void is_let_in(uint64_t participant) { strangers_.is_let_in(participant); }
-  void gone(uint64_t participant) { strangers_.gone(participant); }
+  void is_let_in(uint64_t participant) { refusals_.is_let_in(participant); }
+  void gone(uint64_t participant) { refusals_.gone(participant); }
 
   /// Whom the middleware has not let in, and of whom that is to be said (again): of few at a time.
   [[nodiscard]] std::vector<wire::RefusedPeer> refused_to_be_told(MonotonicTime now);
@@ -68,11 +81,9 @@ class Doorkeeper {
   SiteKeys keys_;
   Logger log_;
   MonotonicTime next_look_;
-  bool is_changed_ = false;                                         ///< since look() said so
-  std::map<std::pair<IdentityRole, std::string>, RateLimit> told_;  ///< of the register's revoked names
-  std::shared_ptr<wire::RefusedPeers> refused_;
-  Strangers strangers_;
-  std::map<wire::RefusedPeer, MonotonicTime> refused_told_;  ///< when; few: who tries chooses his name
+  bool is_changed_ = false;  ///< since look() said so
+  Tries tries_;              ///< of the register's revoked names
+  Refusals refusals_;
   RateLimit trouble_;
   RateLimit unknown_operator_;
 };

@@ -75,10 +75,16 @@ TEST_F(DoorkeeperTest, WhoIsRevokedIsTurnedAwayWithinASecondAndThatIsToldNowAndT
   EXPECT_LE(door.next_look(), kStart + seconds(1));
   EXPECT_TRUE(door.look(door.next_look()));
   EXPECT_TRUE(door.is_turned_away(IdentityRole::kClient, "phone-1"));
-  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart));
-  EXPECT_FALSE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(59)));
-  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kOperator, "phone-1", kStart));
-  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(60)));
+  EXPECT_EQ(door.clients_turned_away(), std::set<std::string>{"phone-1"});
+  const auto said = [&](IdentityRole role, MonotonicTime now) {
+    return door.note_try(role, "phone-1", {}, now);
+  };
+  EXPECT_EQ(said(IdentityRole::kClient, kStart), Doorkeeper::kRevoked);
+  for (int second = 1; second < 60; ++second)
+    EXPECT_FALSE(said(IdentityRole::kClient, kStart + seconds(second)));
+  EXPECT_TRUE(said(IdentityRole::kOperator, kStart));
+  EXPECT_EQ(said(IdentityRole::kClient, kStart + seconds(60)),
+            std::string(Doorkeeper::kRevoked) + "; 59 messages of it were passed over meanwhile");
 }
 
 TEST_F(DoorkeeperTest, WhomTheMiddlewareDoesNotLetInIsToldNowAndThenAndOfFew) {
@@ -103,6 +109,21 @@ TEST_F(DoorkeeperTest, WhomTheMiddlewareDoesNotLetInIsToldNowAndThenAndOfFew) {
   EXPECT_LT(many, 50U);
   try_as(1000);
   EXPECT_EQ(door.refused_to_be_told(kStart + seconds(200)).size(), 1U);
+  try_as(1000);
+  door.came(7, "host a", kStart + seconds(210));
+  const auto again = door.refused_to_be_told(kStart + seconds(211));
+  ASSERT_EQ(again.size(), 1U) << "with each process that comes";
+  EXPECT_EQ(again[0].who, "somebody as client phone-1000");
+  const auto stranger = door.refused_to_be_told(kStart + seconds(215));
+  ASSERT_EQ(stranger.size(), 1U);
+  EXPECT_EQ(
+      stranger[0].why,
+      "it has shown no keys that this server accepts; refused meanwhile: somebody as client phone-1000: "
+      "its keys were revoked (host a)");
+  door.came(8, "host b", kStart + seconds(400));
+  const auto silent = door.refused_to_be_told(kStart + seconds(405));
+  ASSERT_EQ(silent.size(), 1U);
+  EXPECT_EQ(silent[0].why, "no keys of this site were shown (host b)");
   Doorkeeper open({}, null_logger(), refused);
   try_as(1);
   EXPECT_TRUE(open.refused_to_be_told(kStart).empty());

@@ -72,6 +72,7 @@ Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
                                                   std::move(*participant), std::move(*readers),
                                                   std::move(log)));
   endpoint->service_.resume(std::move(restored));
+  endpoint->look_who_is_turned_away();
   endpoint->thread_ = std::thread([me = endpoint.get()] { me->run(); });
   pthread_setname_np(endpoint->thread_.native_handle(), "cairn-io");  // for who looks what takes the time
   return endpoint;
@@ -173,8 +174,11 @@ const Publications::Publication* Endpoint::identify(Inlet<Message>* inlet,
     refuse_identity(wire::topic_name<Message>(), source->partition, claimed);
     return nullptr;
   }
-  if (turns_away(IdentityRole::kClient, door_.client(source->client->client))) return nullptr;
   return source;
+}
+
+bool Endpoint::serves(const Publications::Publication& source) {
+  return !turns_away(IdentityRole::kClient, door_.client(source.client->client), source.process);
 }
 
 void Endpoint::refuse_identity(std::string_view topic, const std::string& partition, ClientId claimed) {
@@ -187,7 +191,7 @@ template <typename Message, typename Use>
 void Endpoint::take_commands(Inlet<Message>* inlet, const Use& use) {
   wire::take_all(inlet->reader, [&](auto& sample) {
     const Publications::Publication* source = identify(inlet, sample);
-    if (source != nullptr && sample.message)
+    if (source != nullptr && serves(*source) && sample.message)
       use(door_.client(source->client->client), *source, std::move(*sample.message));
   });
 }
@@ -230,6 +234,7 @@ void Endpoint::take_states() {
     if (source == nullptr) return;
     wire::TrackerStateMessage& state = *sample.message;
     const std::string& name = source->client->client;
+    if (!serves(*source)) return bid_farewell(name, state);
     state.wearer = door_.wearer_of(name, state.wearer);
     if (!service_.sessions().hear(door_.client(name), sample.publication, source->process, state)) return;
     const auto link = links_.find(name);
@@ -249,7 +254,8 @@ void Endpoint::take_requests() {
                              sample.message->operator_id);
     }
     const Principal who = door_.operator_of(*name);
-    if (!turns_away(IdentityRole::kOperator, who)) return service_.take(who, *sample.message);
+    if (!turns_away(IdentityRole::kOperator, who, source->process))
+      return service_.take(who, *sample.message);
     wire::AdminReply reply = reply_of(
         refusal(ErrorCode::kRefused, std::string("operator ") + *name + ": " + Doorkeeper::kRevoked));
     reply.operator_id = sample.message->operator_id;
@@ -315,6 +321,7 @@ void Endpoint::on_discovered(const wire::DiscoveredReader& reader) {
     }
   } else if (!identity->map && reader.topic == wire::topic_name<wire::ServerStatus>()) {
     link.status_readers += reader.gone ? -1 : 1;
+    if (!reader.gone) link.process = reader.process;
     if (link.status_readers == 1 && !reader.gone) connect(identity->client, &link);
     if (link.status_readers == 0 && reader.gone) disconnect(identity->client, &link);
   }
@@ -323,7 +330,8 @@ void Endpoint::on_discovered(const wire::DiscoveredReader& reader) {
 
 void Endpoint::connect(const std::string& name, ClientLink* link) {
   const Principal who = door_.client(name);
-  if (turns_away(IdentityRole::kClient, who)) return;
+  if (turns_away(IdentityRole::kClient, who, link->process)) return;
+  link->farewell.reset();
   auto writers = ClientWriters::create(participant_, name);
   if (!writers) return log_->error("{}: cannot be served: {}", name, writers.error().message);
   link->writers = std::move(*writers);
@@ -346,14 +354,14 @@ void Endpoint::look_who_is_turned_away() {
   const auto is_turned_away = [this](const std::string& client) {
     return door_.is_turned_away(IdentityRole::kClient, client);
   };
-  service_.clients().withdraw_offers(is_turned_away);
+  service_.clients().turn_away(door_.clients_turned_away());
   // Its writer keeps the last answer for whoever comes with those keys.
   std::erase_if(operators_, [this](const auto& known) {
     return door_.is_turned_away(IdentityRole::kOperator, known.first);
   });
   for (auto& [name, link] : links_) {
     if (is_turned_away(name)) {
-      if (link.writers) (void)turns_away(IdentityRole::kClient, door_.client(name));
+      if (link.writers) (void)turns_away(IdentityRole::kClient, door_.client(name), link.process);
       disconnect(name, &link);
     } else if (!link.writers && link.status_readers > 0) {
       connect(name, &link);
@@ -362,10 +370,28 @@ void Endpoint::look_who_is_turned_away() {
   }
 }
 
-bool Endpoint::turns_away(IdentityRole role, const Principal& who) {
+bool Endpoint::turns_away(IdentityRole role, const Principal& who,
+                          const std::optional<wire::PeerId>& process) {
   if (!door_.is_turned_away(role, who.name)) return false;
-  if (door_.is_to_be_told(role, who.name, clock_->now())) site_.note_turned_away(who, Doorkeeper::kRevoked);
+  if (const auto why = door_.note_try(role, who.name, process, clock_->now()))
+    site_.note_turned_away(who, *why);
   return true;
+}
+
+void Endpoint::bid_farewell(const std::string& name, const wire::TrackerStateMessage& state) {
+  const auto link = links_.find(name);
+  if (link == links_.end()) return;
+  std::optional<Farewell>& farewell = link->second.farewell;
+  if (!farewell) {
+    auto to = wire::Writer<wire::OfferVerdict>::create(participant_, wire::client_partition(name));
+    if (!to) return check(tl::unexpected(to.error()), "why a client is turned away");
+    farewell.emplace(Farewell{std::move(*to), {}});
+  }
+  if (farewell->told == state.session || !farewell->again.due(clock_->now())) return;
+  farewell->told = state.session;
+  check(
+      farewell->to.write({state.client, state.session, 0, 0, {notice_to_process(Doorkeeper::kYoursRevoked)}}),
+      "why a client is turned away");
 }
 
 void Endpoint::open_wanted_feeds(const std::string& name, ClientLink* link) {

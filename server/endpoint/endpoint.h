@@ -93,8 +93,11 @@ class Endpoint : private ServiceOutput {
   void look_who_is_at_the_door(MonotonicTime now);
   /// Somebody's keys were revoked, or a name that was has keys again.
   void look_who_is_turned_away();
-  /// Whether it is; then that goes on record, now and then.
-  [[nodiscard]] bool turns_away(IdentityRole role, const Principal& who);
+  /// Whether it is; then that goes on record, now and then. `process`: that tries; nothing: not known.
+  [[nodiscard]] bool turns_away(IdentityRole role, const Principal& who,
+                                const std::optional<wire::PeerId>& process);
+  /// A client that is turned away is told why: nobody but a process that says who it is.
+  void bid_farewell(const std::string& name, const wire::TrackerStateMessage& state);
   void open_wanted_feeds(const std::string& name, ClientLink* link);
   /// Of a map, for all who are sent it.
   [[nodiscard]] std::shared_ptr<SerializedBlocks> blocks_of(MapId map);
@@ -102,6 +105,8 @@ class Endpoint : private ServiceOutput {
   template <typename Message>
   [[nodiscard]] const Publications::Publication* identify(Inlet<Message>* inlet,
                                                           const wire::Sample<Message>& sample);
+  /// Whether that client is served.
+  [[nodiscard]] bool serves(const Publications::Publication& source);
   void refuse_identity(std::string_view topic, const std::string& partition, ClientId claimed);
   void check(const Status& written, const char* what);
 

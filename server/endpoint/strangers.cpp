@@ -13,7 +13,8 @@ void Strangers::came(uint64_t participant, std::string says, MonotonicTime now) 
 void Strangers::gone(uint64_t participant) {
   let_in_.erase(participant);
   auto known = waiting_.extract(participant);
-  if (known && left_.size() < kMost) left_.push_back({std::move(known.mapped().says), true});
+  if (known && left_.size() < kMost)
+    left_.push_back({std::move(known.mapped().says), true, known.mapped().came});
 }
 
 std::vector<Strangers::Told> Strangers::take(MonotonicTime now) {
@@ -22,7 +23,7 @@ std::vector<Strangers::Told> Strangers::take(MonotonicTime now) {
     if (now - it->second.came < kPatience) {
       ++it;
     } else {
-      told.push_back({std::move(it->second.says), false});
+      told.push_back({std::move(it->second.says), false, it->second.came});
       it = waiting_.erase(it);
     }
   }

@@ -33,6 +33,7 @@ class Strangers {
   struct Told {
     std::string says;  ///< of itself
     bool has_left = false;
+    MonotonicTime came;
     bool operator==(const Told&) const = default;
   };
   [[nodiscard]] std::vector<Told> take(MonotonicTime now);

@@ -22,9 +22,11 @@ TEST(Strangers, WhoShowsNoKeysIsToldOnceWhetherHeStaysOrGoes) {
   strangers.is_let_in(2);
   strangers.gone(2);
   strangers.gone(3);
-  EXPECT_THAT(strangers.take(kBegin + std::chrono::seconds(1)), ElementsAre(Strangers::Told{"host c", true}));
+  EXPECT_THAT(strangers.take(kBegin + std::chrono::seconds(1)),
+              ElementsAre(Strangers::Told{"host c", true, kBegin}));
   strangers.came(1, "host a, again", kBegin + std::chrono::seconds(4));
-  EXPECT_THAT(strangers.take(kBegin + Strangers::kPatience), ElementsAre(Strangers::Told{"host a", false}));
+  EXPECT_THAT(strangers.take(kBegin + Strangers::kPatience),
+              ElementsAre(Strangers::Told{"host a", false, kBegin}));
   strangers.gone(1);
   EXPECT_THAT(strangers.take(kBegin + Strangers::kPatience), IsEmpty());
   strangers.is_let_in(4);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -43,6 +44,13 @@ struct Identity {
   std::optional<Timestamp> revoked;  ///< since when
   bool operator==(const Identity&) const = default;
 };
+
+/// Up to when something that was issued to it is good: so long nobody else is given its name.
+[[nodiscard]] inline Timestamp last_expiry(const Identity& identity) {
+  Timestamp last;
+  for (const Issue& issue : identity.issues) last = std::max(last, issue.expires);
+  return last;
+}
 
 /// By role and name.
 using Register = std::map<std::pair<IdentityRole, std::string>, Identity>;

@@ -84,13 +84,6 @@ Status check_names(const Identity& wanted) {
   return {};
 }
 
-/// The latest moment up to which something that was issued is good.
-Timestamp last_expiry(const Identity& identity) {
-  Timestamp last;
-  for (const Issue& issue : identity.issues) last = std::max(last, issue.expires);
-  return last;
-}
-
 }  // namespace
 
 Status Keystore::init(const fs::path& folder, Timestamp now) {

@@ -20,6 +20,13 @@ bool SiteKeys::is_revoked(IdentityRole role, std::string_view name) const {
   return known != identities_.end() && known->second.revoked;
 }
 
+std::set<std::string> SiteKeys::revoked(IdentityRole role) const {
+  std::set<std::string> names;
+  for (const auto& [key, identity] : identities_)
+    if (key.first == role && identity.revoked) names.insert(key.second);
+  return names;
+}
+
 std::optional<Duty> SiteKeys::duty_of(const std::string& operator_name) const {
   const auto known = identities_.find({IdentityRole::kOperator, operator_name});
   return known == identities_.end() ? std::nullopt : std::optional(known->second.duty);

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -23,6 +24,8 @@ class SiteKeys {
 
   [[nodiscard]] bool is_secured() const { return !register_file_.empty(); }
   [[nodiscard]] bool is_revoked(IdentityRole role, std::string_view name) const;
+  /// The names of that role whose keys were revoked.
+  [[nodiscard]] std::set<std::string> revoked(IdentityRole role) const;
   /// Nothing: the register knows no such operator.
   [[nodiscard]] std::optional<Duty> duty_of(const std::string& operator_name) const;
   /// Who wears the camera of that client; empty: nobody, or the register knows no such client.

@@ -148,6 +148,11 @@ std::string object_of(const json& request) {
     if (name.empty() && part != std::string_view("map")) continue;
     object += (object.empty() ? "" : ", ") + std::string(part) + " " + name;
   }
+  const auto label = request.find("label");
+  if (label != request.end() && label->is_number_unsigned())
+    object += ", label " + std::to_string(label->get<uint64_t>());
+  const auto text = request.find("text");
+  if (text != request.end() && text->is_string()) object += ", text " + text->get<std::string>();
   return object;
 }
 

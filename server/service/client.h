@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/rate_limit.h"
+#include "common/base/repeats.h"
 #include "common/base/time.h"
 #include "common/base/token_bucket.h"
 #include "common/geometry/camera.h"
@@ -115,6 +116,8 @@ struct Client {
   SessionId intruder;             ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;   ///< an intruder's notice may have replaced ours
   RateLimit camera_warning{};     ///< a peer may announce what is refused as often as it likes
+  Repeats refused{};              ///< what it may not do and tries all the same, for the audit log
+  Repeats seeds_refused{};        ///< for the server's log
   bool lockstep_refused = false;  ///< its session asked for it here, where there is none
 };
 

@@ -2,11 +2,22 @@
 #include "server/service/clients.h"
 
 #include <utility>
+#include <vector>
 
+#include "common/wire/limits.h"
 #include "server/service/fitting_words.h"
 #include "server/service/resume.h"
 
 namespace cairn {
+namespace {
+
+/// Before what was decided, of which the oldest gives way.
+void put_notice(wire::OfferOutcome notice, std::vector<wire::OfferOutcome>* recent) {
+  if (recent->size() >= wire::kMaxOutcomes) recent->erase(recent->begin());
+  recent->insert(recent->begin(), std::move(notice));
+}
+
+}  // namespace
 
 Client& Clients::of(const Principal& who) {
   const std::string& name = who.name;
@@ -65,10 +76,24 @@ void Clients::disconnect(const Principal& who) {
   listener_.left(client.name);
 }
 
-void Clients::withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away) {
+void Clients::turn_away(std::set<std::string> names) {
+  turned_away_ = std::move(names);
   for (auto& [name, client] : clients_) {
-    if (is_turned_away(name)) client.pending_offers.withdraw([](const PendingOffers::What&) { return true; });
+    if (turned_away_.contains(name))
+      client.pending_offers.withdraw([](const PendingOffers::What&) { return true; });
   }
+}
+
+void Clients::note_done(const std::string& client, const std::string& action,
+                        const std::string& object) const {
+  context_.site.note({0, context_.site.policy()->now(), "client " + client, action, object, "done"});
+}
+
+void Clients::note_refused(Client& client, const std::string& action, const std::string& object,
+                           const std::string& why) const {
+  const auto said = client.refused.say("refused: " + why, context_.now());
+  if (!said) return;
+  context_.site.note({0, context_.site.policy()->now(), "client " + client.name, action, object, *said});
 }
 
 void Clients::resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted) {
@@ -106,10 +131,17 @@ void Clients::tell_status(const wire::ServerStatus& status) {
   }
 }
 
+std::string Clients::why_not_served(const Client& client) const {
+  if (client.kicked && client.kicked == client.offer_gate.session()) return kKicked;
+  if (client.lockstep_refused) return kNoLockstep;
+  return context_.access().why_blocked(client.principal());
+}
+
 void Clients::write_verdicts(Client& client) {
   if (!client.connected || !client.offer_gate.session()) return;
   wire::OfferVerdict offers = client.offer_gate.verdict(client.id);
-  if (client.lockstep_refused) offers.recent = {notice_to_process(kNoLockstep)};
+  if (const std::string why = why_not_served(client); !why.empty())
+    put_notice(notice_to_process(why), &offers.recent);
   tell(client, offers);
   if (client.seed_gate.verdict().command.seq != 0) {
     tell(client, client.seed_gate.verdict());

@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 
 #include "common/base/rate_limit.h"
@@ -40,8 +41,15 @@ class Clients {
   /// It listens, and is told what there is. And does so no more.
   void connect(const Principal& who);
   void disconnect(const Principal& who);
-  /// Of such clients, what they have offered and nothing has judged yet is not taken any more.
-  void withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away);
+  /// Those whose keys were revoked, all of them: what they have offered and nothing has judged yet is not
+  /// taken any more.
+  void turn_away(std::set<std::string> names);
+  [[nodiscard]] const std::set<std::string>& turned_away() const { return turned_away_; }
+  /// Writes into the audit log what a client has done.
+  void note_done(const std::string& client, const std::string& action, const std::string& object) const;
+  /// Likewise, what it may not do: once, and then now and then with how often.
+  void note_refused(Client& client, const std::string& action, const std::string& object,
+                    const std::string& why) const;
   /// What was decided on before the server started: a client that sends it again is answered.
   void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
@@ -57,15 +65,20 @@ class Clients {
 
  private:
   void forget_old(const std::string& keep);
+  /// Empty: it is.
+  [[nodiscard]] std::string why_not_served(const Client& client) const;
 
   const ServiceContext& context_;
   Listener listener_;
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
+  std::set<std::string> turned_away_;  ///< their keys were revoked
   const WaitingBytes waiting_bytes_ = std::make_shared<std::atomic<size_t>>(0);
   RateLimit output_trouble_;
 };
 
+/// To a process that an operator has ended.
+inline constexpr const char* kKicked = "an operator has ended this; start the tracker again to go on";
 /// To a process that asks for lockstep where there is none.
 inline constexpr const char* kNoLockstep =
     "this server does not work in lockstep, since that holds up all others; leave out --pace lockstep, or "

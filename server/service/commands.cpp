@@ -84,16 +84,18 @@ void Commands::take(const Principal& who, wire::MapSeed message) {
   if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
   const Ruling ruling = context_.access().on_creating(client.principal());
-  if (std::string why = why_no_map(client, ruling); !why.empty() || ruling.right < Right::kWrite)
-    return refuse(std::move(why));
+  if (ruling.right < Right::kWrite) {
+    clients_.note_refused(client, "map make", {}, ruling.reason);
+    return refuse(ruling.reason);
+  }
+  if (std::string why = why_no_map(client); !why.empty()) return refuse(std::move(why));
   if (std::string why = why_too_much_waits(context_, *clients_.waiting_bytes(), image_bytes(message));
       !why.empty())
     return refuse(std::move(why));
   make_map(client, *camera, ruling, std::move(message), verdict);
 }
 
-std::string Commands::why_no_map(const Client& client, const Ruling& ruling) const {
-  if (ruling.right < Right::kWrite) return ruling.reason;
+std::string Commands::why_no_map(const Client& client) const {
   if (std::string why = capacity_.why_full(); !why.empty()) return why;
   if (std::string why = capacity_.why_maker_is_full(client.name); !why.empty()) return why;
   return context_.store ? context_.store->trouble() : std::string();
@@ -183,9 +185,10 @@ void Commands::on_seed_decided(const std::string& client_name, wire::SeedVerdict
     context_.log->info("{}: {} made, {} points{}", client_name, entry->name, snapshot->point_count(),
                        result->plane_aligned ? ", on its plane" : "");
     news_.tell(verdict.map, *entry);
+    clients_.note_done(client_name, "map make", "map " + entry->name);
   } else {
     verdict.reason = result ? "internal error; the server's log says more" : result.error().message;
-    context_.log->info("{}: no map made: {}", client_name, verdict.reason);
+    tell_no_map(client_name, verdict.reason);
     maps_.forget(verdict.map);
     verdict.map = {};
   }
@@ -193,6 +196,13 @@ void Commands::on_seed_decided(const std::string& client_name, wire::SeedVerdict
   if (client == nullptr) return;
   client->seed_in_work = false;
   if (client->seed_gate.decide(verdict)) clients_.write_verdicts(*client);
+}
+
+/// A tracker that is refused begins again at once.
+void Commands::tell_no_map(const std::string& client_name, const std::string& why) {
+  Client* client = clients_.find(client_name);
+  const auto said = client == nullptr ? why : client->seeds_refused.say(why, context_.now());
+  if (said) context_.log->info("{}: no map made: {}", client_name, *said);
 }
 
 void Commands::take(const Principal& who, wire::KeyframeOffer message) {

@@ -37,8 +37,9 @@ class Commands {
   using Refusal = std::optional<std::pair<wire::OfferDecision, std::string>>;
 
   using Pending = std::shared_ptr<const PendingOffer>;
-  /// Why no map is made for the client; empty: one may be.
-  [[nodiscard]] std::string why_no_map(const Client& client, const Ruling& ruling) const;
+  /// Why no map is made for the client, which may make some; empty: one may be.
+  [[nodiscard]] std::string why_no_map(const Client& client) const;
+  void tell_no_map(const std::string& client_name, const std::string& why);
   void make_map(Client& client, const AnnouncedCamera& camera, const Ruling& ruling, wire::MapSeed message,
                 wire::SeedVerdict verdict);
   void on_seed_judged(const std::string& client_name, const wire::SeedVerdict& verdict,

@@ -35,6 +35,12 @@ std::string why_outside(const Ruling& ruling, const wire::ClientRequest& request
                                                     : outside(*ruling.extent, "the label", *place);
 }
 
+/// What an entry of the audit log calls it.
+std::string action_of(wire::RequestAction action) {
+  if (action == wire::RequestAction::kAddLabel) return "label place";
+  return action == wire::RequestAction::kRenameLabel ? "label rename" : "label remove";
+}
+
 /// An operator has been asked about as such.
 Ruling ruling_on_labels(const AccessPolicy& access, const Principal& author, MapId map) {
   if (author.kind == Principal::Kind::kOperator) return {Right::kManage, {}, {}, {}};
@@ -71,10 +77,27 @@ void Labels::take(const Principal& who, const wire::ClientRequest& request) {
   decision.session = request.command.session;
   decision.seq = request.command.seq;
   decision.kind = CommandKind::kRequest;
+  const std::optional<Label> before = entry == nullptr ? std::nullopt : entry->labels.find(request.label);
   change(request, client.principal(), std::move(decision),
-         [this, name = client.name, request](const LabelRegistry::Judgement& judgement) {
+         [this, name = client.name, request,
+          old_text = before ? before->text : std::string()](const LabelRegistry::Judgement& judgement) {
+           note(name, request, judgement, old_text);
            on_decided(name, request, judgement);
          });
+}
+
+void Labels::note(const std::string& client_name, const wire::ClientRequest& request,
+                  const LabelRegistry::Judgement& judgement, const std::string& old_text) {
+  const MapEntry* entry = maps_.array().find(request.map);
+  const std::string map = "map " + (entry == nullptr ? to_hex(request.map.bytes) : entry->name);
+  if (judgement.decision == wire::RequestDecision::kDone) {
+    const std::string text = judgement.changed ? label_of(*judgement.changed).text : old_text;
+    const std::string label = ", label " + std::to_string(judgement.label.value) + ", text " + text;
+    return clients_.note_done(client_name, action_of(request.action), map + label);
+  }
+  Client* client = clients_.find(client_name);
+  if (client != nullptr && judgement.decision == wire::RequestDecision::kNoRight)
+    clients_.note_refused(*client, action_of(request.action), map, judgement.reason);
 }
 
 void Labels::on_decided(const std::string& client_name, const wire::ClientRequest& request,

@@ -33,6 +33,9 @@ class Labels {
   void follow(MapId map, MapEntry& entry);
 
  private:
+  /// For the audit log.
+  void note(const std::string& client_name, const wire::ClientRequest& request,
+            const LabelRegistry::Judgement& judgement, const std::string& old_text);
   void on_decided(const std::string& client_name, const wire::ClientRequest& request,
                   const LabelRegistry::Judgement& judgement);
   /// Why nothing comes of a request; nothing: it is to be judged.

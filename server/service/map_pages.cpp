@@ -55,7 +55,8 @@ json describe(const told::RigSeen& rig) {
 }
 
 json describe(const told::ClientSeen& client) {
-  json told{{"name", client.name}, {"connected", false}, {"blocked", client.blocked}};
+  json told{
+      {"name", client.name}, {"connected", false}, {"blocked", client.blocked}, {"revoked", client.revoked}};
   if (client.known) {
     told["connected"] = client.known->connected;
     told["proven"] = client.known->proven;

@@ -77,6 +77,7 @@ struct ClientSeen {
   };
   std::string name;
   bool blocked = false;
+  bool revoked = false;            ///< its keys were
   std::optional<Known> known;      ///< nothing: it has not been here since the start
   std::optional<Tracker> tracker;  ///< nothing: it says nothing of itself
 };

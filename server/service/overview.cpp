@@ -88,6 +88,7 @@ told::Clients Overview::clients() const {
     told::ClientSeen seen{
         .name = name,
         .blocked = rights.blocked.contains(name),
+        .revoked = clients_.turned_away().contains(name),
         .known = told::ClientSeen::Known{client.connected, is_proven, sessions_.wearers().wearer_of(name)},
         .tracker = {}};
     if (client.last_word && is_fresh(*client.last_word, now)) {
@@ -97,9 +98,15 @@ told::Clients Overview::clients() const {
     }
     told.clients.push_back(std::move(seen));
   }
-  for (const auto& [name, closure] : rights.blocked) {
-    if (!clients_.all().contains(name))
-      told.clients.push_back({.name = name, .blocked = true, .known = {}, .tracker = {}});
+  std::set<std::string> kept_out = clients_.turned_away();
+  for (const auto& [name, closure] : rights.blocked) kept_out.insert(name);
+  for (const std::string& name : kept_out) {
+    if (clients_.all().contains(name)) continue;
+    told.clients.push_back({.name = name,
+                            .blocked = rights.blocked.contains(name),
+                            .revoked = clients_.turned_away().contains(name),
+                            .known = {},
+                            .tracker = {}});
   }
   return told;
 }

@@ -111,8 +111,7 @@ void Sessions::tell_kicked(Client& client) {
   const MonotonicTime now = context_.now();
   if (client.intruder_told_at && now - *client.intruder_told_at < Presence::kSilence) return;
   client.intruder_told_at = now;
-  const std::string reason = "an operator has ended this; start the tracker again to go on";
-  clients_.tell(client, wire::OfferVerdict{client.id, *client.kicked, 0, 0, {notice_to_process(reason)}});
+  clients_.tell(client, wire::OfferVerdict{client.id, *client.kicked, 0, 0, {notice_to_process(kKicked)}});
   client.repeat_verdicts = true;
 }
 

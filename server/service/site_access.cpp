@@ -12,7 +12,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFile = "site.db";
-constexpr int64_t kEntriesKept = 1'000'000;  // 200 MB: decades of what operators do by hand
+constexpr int64_t kEntriesKept =
+    1'000'000;  // 200 MB: decades of what people do by hand; labels, within their rate
 
 struct Opened {
   SiteFile file;

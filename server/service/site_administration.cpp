@@ -20,6 +20,7 @@ void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& ne
       return now.right < (is_seed ? Right::kWrite : Right::kAdd) || now.extent != what.extent;
     });
     news.tell_by_rights(client);
+    clients.write_verdicts(client);  // whether it is kept out altogether
   }
 }
 
@@ -88,6 +89,10 @@ AdminAnswer SiteAdministration::audited(const std::string& operator_name, const 
   const bool is_kept_with_rights = std::holds_alternative<asked::ChangeRights>(asks.what);
   return [this, entry, tell, is_kept_with_rights](OperatorAnswer told) mutable {
     const bool is_done = told.has_value();
+    // Of a label that is removed the request has no text.
+    const auto* label = is_done ? std::get_if<told::LabelSeen>(&*told) : nullptr;
+    if (label != nullptr && entry.object.find(", text ") == std::string::npos)
+      entry.object += ", text " + label->label.text;
     if (!is_done || !is_kept_with_rights) {
       entry.time = context_.site.policy()->now();
       entry.outcome = is_done ? "done" : words_of(told.error());

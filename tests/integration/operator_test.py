@@ -9,6 +9,7 @@ import json
 import math
 import os
 import pathlib
+import pwd
 import re
 import shutil
 import signal
@@ -88,6 +89,10 @@ class Operator(OnTheDesk):
         self.assertIn("cairnctl labels map-1", said)
         self.assertIn("no map 'nowhere'; `cairnctl maps`", self.ctl("labels", "nowhere", expect=REFUSED))
         self.ctl("labels", "remove", 7, expect=USAGE)
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", self.server.domain, "--role",
+                                      "reader", "--map", "nowhere", "--headless"), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, REFUSED, done.stderr)
+        self.assertIn("lists no map 'nowhere'", done.stderr)
         unused = type("Nobody", (), {"domain": 229})
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
         self.assertIn("`cairnctl keys issue`", self.ctl("--security", self.folder, "status", expect=CONFIGURATION))
@@ -502,7 +507,10 @@ class Operator(OnTheDesk):
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
             self.assertEqual([t["tag"] for t in self.ctl("map", "map-1", "tags", server=server)], ["monday"])
             self.assertEqual([g["to"] for g in self.ctl("rights", server=server)["grants"]], ["client phone-1"])
-            self.assertEqual(self.ctl("audit", "--action", "restore", server=server)[0]["object"], str(restored))
+            (restoring,) = self.ctl("audit", "--action", "restore", server=server)
+            person = os.environ.get("SUDO_USER") or pwd.getpwuid(os.getuid()).pw_name
+            self.assertEqual((restoring["object"], restoring["who"]), (str(restored), f"operator {person}"))
+            self.assertIn("map make", [e["action"] for e in self.ctl("audit", "--who", "builder", server=server)])
         sound = backup.read_bytes()
         for name, spoilt in (("cut.tar", sound[:len(sound) // 2]), ("altered.tar", sound[:5000] + bytes([sound[5000] ^ 1]) + sound[5001:])):
             (self.folder / name).write_bytes(spoilt)
@@ -551,8 +559,13 @@ class Operator(OnTheDesk):
             self.ctl("clients", "kick", "walker", server=server)
             self.assertEqual(self.map_1(server)["clients"], 0)
             self.assertIn("last localized in 20", self.say("maps", server=server))
-            tracker.wait(timeout=LIMIT)
+            self.assertEqual(tracker.wait(timeout=LIMIT), REFUSED)
             self.assertIn("is not connected", self.ctl("clients", "kick", "walker", expect=REFUSED, server=server))
+            self.ctl("clients", "block", "shut-out", "--why", "lost", server=server)
+            _, said = self.track(server, "shut-out", "--pace", "realtime", code=REFUSED)
+            self.assertIn("this client is blocked", said)
+            self.assertLessEqual(len(re.findall("refused to start a map: [^(]*$", said, re.MULTILINE)), 1, said)
+            self.assertRegex(self.say("clients", server=server), "shut-out +(connected|away), blocked")
             (mine,) = self.ctl("map", "map-1", "contributors", server=server)["contributors"]
             self.assertEqual((mine["client"], mine["keyframes"]), ("builder", self.map_1(server)["keyframes"]))
             self.assertIn("nothing would be left", self.ctl("map", "map-1", "drop-contributor", "builder", "--yes", expect=REFUSED,

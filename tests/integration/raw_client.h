@@ -89,8 +89,16 @@ class RawClient {
   }
   /// Servers whose readers its writers reach.
   [[nodiscard]] int servers() const { return requests.matched(); }
+  /// Anything but why it is not served.
   [[nodiscard]] bool has_heard_anything() const {
-    return seed_verdict || offer_verdict || answer || reply || map_info || server_status || commit;
+    return seed_verdict || (offer_verdict && why_not_served().empty()) || answer || reply || map_info ||
+           server_status || commit;
+  }
+  /// Empty: it has not been told.
+  [[nodiscard]] std::string why_not_served() const {
+    const bool is_notice = offer_verdict && offer_verdict->last_decided == 0 &&
+                           offer_verdict->recent.size() == 1 && offer_verdict->recent.front().seq == 0;
+    return is_notice ? offer_verdict->recent.front().reason : std::string();
   }
   void forget_what_was_heard() {
     seed_verdict.reset();
