@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/base/help_formats.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cstdlib>
 #include <functional>
@@ -39,6 +40,57 @@ std::string replace_all(std::string text, std::string_view what, std::string_vie
 /// Within single quotes of a shell.
 std::string shell_quoted(const std::string& text) {
   return replace_all(text, "'", "'\\''");
+}
+
+// ---- the words behind the help
+
+constexpr std::string_view kExamples = "Examples:";
+
+/// The names of the commands that lead to one, without the program's.
+std::vector<std::string> path_to(const CLI::App& app) {
+  std::vector<std::string> path;
+  for (const CLI::App* level = &app; level->get_parent() != nullptr; level = level->get_parent())
+    path.insert(path.begin(), level->get_name());
+  return path;
+}
+
+const CLI::App& root_of(const CLI::App& app) {
+  return app.get_parent() == nullptr ? app : root_of(*app.get_parent());
+}
+
+/// Whether a line of examples runs that command: its names stand there in their order, with names of maps and
+/// options between them. What the example does follows behind two spaces.
+bool shows(const std::string& example, const std::vector<std::string>& path) {
+  const size_t begin = example.find_first_not_of(' ');
+  std::istringstream words(example.substr(begin, example.find("  ", begin) - begin));
+  size_t found = 0;
+  for (std::string word; found < path.size() && words >> word;) found += word == path[found] ? 1 : 0;
+  return found == path.size();
+}
+
+/// Of a paragraph of examples, those that show the command, with the lines that go on about them;
+/// `with_words`: also what stands between them.
+std::string examples_of(const std::string& paragraph, const std::vector<std::string>& path, bool with_words) {
+  std::istringstream lines(paragraph);
+  std::string chosen;
+  bool is_chosen = false;
+  for (std::string line; std::getline(lines, line);) {
+    if (line == kExamples) continue;
+    const bool goes_on = line.starts_with("   ");
+    if (!goes_on) is_chosen = line.starts_with("  ") ? shows(line, path) : with_words;
+    if (is_chosen) chosen += "\n" + line;
+  }
+  return chosen.empty() ? std::string() : std::string(kExamples) + chosen;
+}
+
+std::vector<std::string> paragraphs_of(const std::string& text) {
+  std::vector<std::string> paragraphs;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find("\n\n", at), text.size());
+    paragraphs.push_back(text.substr(at, end - at));
+    at = end + 2;
+  }
+  return paragraphs;
 }
 
 // ---- completion
@@ -130,8 +182,8 @@ void write_options(const CLI::App& app, std::ostringstream* out) {
 }
 
 void write_footer(const CLI::App& app, std::ostringstream* out) {
-  if (app.get_footer().empty()) return;
-  *out << ".PP\n.nf\n" << roff(app.get_footer()) << "\n.fi\n";
+  const std::string footer = own_footer(app);
+  if (!footer.empty()) *out << ".PP\n.nf\n" << roff(footer) << "\n.fi\n";
 }
 
 std::string man_of(const CLI::App& root) {
@@ -163,6 +215,27 @@ std::optional<std::string> help_as(const CLI::App& app, std::string_view format)
   if (format == "bash") return bash_of(app);
   if (format == "zsh") return zsh_of(app);
   return std::nullopt;
+}
+
+std::string own_footer(const CLI::App& app) {
+  const std::string& footer = app.get_footer();
+  const std::vector<std::string> path = path_to(app);
+  if (path.empty()) return footer;
+  const bool is_of_program = footer == root_of(app).get_footer();
+  std::string own;
+  for (const std::string& paragraph : paragraphs_of(footer)) {
+    const bool is_example = paragraph.starts_with(kExamples);
+    const std::string kept = is_example      ? examples_of(paragraph, path, !is_of_program)
+                             : is_of_program ? std::string()
+                                             : paragraph;
+    if (!kept.empty()) own.append(own.empty() ? "" : "\n\n").append(kept);
+  }
+  return own;
+}
+
+std::string OwnFooter::make_footer(const CLI::App* app) const {
+  const std::string footer = own_footer(*app);
+  return footer.empty() ? footer : footer + "\n";
 }
 
 std::string told_help(const CLI::App& app) {

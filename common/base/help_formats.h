@@ -13,6 +13,16 @@ namespace cairn {
 /// completion). Nothing for other formats.
 [[nodiscard]] std::optional<std::string> help_as(const CLI::App& app, std::string_view format);
 
+/// The words behind the help of a program or of one of its commands. CLI11 hands those of a program down to
+/// its commands: of examples, a command has those that show it, and of the rest what is not the program's.
+[[nodiscard]] std::string own_footer(const CLI::App& app);
+
+/// The help of CLI11 with that. To be set before the commands are added, which take it over.
+class OwnFooter : public CLI::Formatter {
+ public:
+  [[nodiscard]] std::string make_footer(const CLI::App* app) const override;
+};
+
 /// What --help prints: in the form that the environment asks for (CAIRN_HELP_AS, when the project is built),
 /// or for a person.
 [[nodiscard]] std::string told_help(const CLI::App& app);

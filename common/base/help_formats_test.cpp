@@ -62,6 +62,26 @@ TEST_F(HelpFormats, ZshIsToldWhatEachWordMeans) {
   EXPECT_THAT(made, HasSubstr("(/map|/map/rename|/map/show|/status)"));
 }
 
+TEST_F(HelpFormats, ACommandShowsItsOwnExamplesAndNotThoseOfOthers) {
+  CLI::App app("A test.", "cairn-test");
+  app.formatter(std::make_shared<OwnFooter>());
+  app.footer("Exit codes: 0\n\nExamples:\n  cairn-test map desk show    shows a map\n  cairn-test status");
+  CLI::App* map = app.add_subcommand("map", "one map");
+  const CLI::App* show = map->add_subcommand("show", "all of it");
+  const CLI::App* shows = app.add_subcommand("shows", "only a word in what an example does");
+  const CLI::App* list = app.add_subcommand("list", "is in no example");
+  map->footer("A map is a map.\n\nExamples:\n  cairn-test map desk rename bench\n      and back");
+  const CLI::App* rename = map->add_subcommand("rename", "calls it otherwise");
+  EXPECT_THAT(app.help(), HasSubstr("  cairn-test status\n"));
+  EXPECT_THAT(app.help(), HasSubstr("Exit codes: 0\n"));
+  EXPECT_EQ(own_footer(*show), "Examples:\n  cairn-test map desk show    shows a map");
+  EXPECT_EQ(own_footer(*rename),
+            "A map is a map.\n\nExamples:\n  cairn-test map desk rename bench\n      and back");
+  EXPECT_THAT(show->help(), Not(HasSubstr("status")));
+  for (const CLI::App* without : {shows, list}) EXPECT_THAT(without->help(), Not(HasSubstr("Example")));
+  EXPECT_THAT(*help_as(app, "man"), Not(HasSubstr("list\nis in no example\n.PP")));
+}
+
 TEST_F(HelpFormats, ThePageHasEveryWordAndNothingInItIsARequest) {
   const std::string page = *help_as(app_, "man");
   EXPECT_THAT(page, HasSubstr(".TH CAIRN\\-TEST 1\n"));

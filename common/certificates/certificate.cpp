@@ -8,6 +8,7 @@
 #include <array>
 #include <ctime>
 #include <limits>
+#include <span>
 
 #include "common/io/text.h"
 
@@ -129,6 +130,24 @@ Result<RevocationsPtr> read_revocations(const std::filesystem::path& path) {
   if (revocations) return revocations;
   return fail(ErrorCode::kConfiguration,
               path.string() + ": not a list of revoked certificates (PEM): " + crypto_error());
+}
+
+RevocationFacts facts_of(X509_CRL& revocations) {
+  const ASN1_TIME* expires = X509_CRL_get0_nextUpdate(&revocations);
+  return {time_of(X509_CRL_get0_lastUpdate(&revocations)),
+          expires == nullptr ? Timestamp{} : time_of(expires),
+          static_cast<size_t>(std::max(0, sk_X509_REVOKED_num(X509_CRL_get_REVOKED(&revocations))))};
+}
+
+std::string fingerprint_of(const X509& certificate) {
+  std::array<uint8_t, EVP_MAX_MD_SIZE> digest{};
+  unsigned int bytes = 0;
+  if (X509_digest(&certificate, EVP_sha256(), digest.data(), &bytes) != 1) bytes = 0;
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string hex;
+  for (const uint8_t byte : std::span(digest).first(bytes))
+    hex.append({kDigits[byte >> 4], kDigits[byte & 15]});
+  return hex;
 }
 
 bool is_signed_by(X509_CRL& revocations, const X509& authority) {

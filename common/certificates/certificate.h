@@ -54,9 +54,19 @@ struct CertificateFacts {
 using RevocationsPtr = std::unique_ptr<X509_CRL, FreedBy<&X509_CRL_free>>;
 /// Of a PEM file; error as of read_certificate().
 [[nodiscard]] Result<RevocationsPtr> read_revocations(const std::filesystem::path& path);
+/// What a list of revoked certificates says of itself.
+struct RevocationFacts {
+  Timestamp made;
+  Timestamp expires;
+  size_t certificates = 0;  ///< how many it names
+};
+[[nodiscard]] RevocationFacts facts_of(X509_CRL& revocations);
 /// Whether they are that authority's word.
 [[nodiscard]] bool is_signed_by(X509_CRL& revocations, const X509& authority);
 [[nodiscard]] bool is_revoked(X509_CRL& revocations, const X509& certificate);
+
+/// SHA-256 of the certificate, as 64 hex digits.
+[[nodiscard]] std::string fingerprint_of(const X509& certificate);
 
 /// Whether it bears the signature of that authority. Says nothing of time.
 [[nodiscard]] bool is_signed_by(const X509& certificate, const X509& authority);

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "common/base/help_formats.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/map/ids.h"
@@ -82,6 +83,7 @@ void add_network_options(CLI::App* app, RigOptions* options, Loudness* loudness)
 
 void describe(CLI::App* app, RigOptions* options) {
   app->footer(kFooter);
+  app->formatter(std::make_shared<OwnFooter>());
   app->set_version_flag("--version", "cairn-rig " + std::string(version()));
   app->require_subcommand(0, 1);
   CLI::App* doctor = app->add_subcommand(

@@ -66,8 +66,20 @@ std::string words_of(const Grant& grant) {
   return words;
 }
 
-std::string reason_of(const Grant& grant) {
-  return words_of(grant) + ", as granted to " + to_string(grant.subject) + " by " + grant.by;
+/// "phone-1 may only read here".
+std::string may_do(const std::string& client, Right right) {
+  constexpr std::array<const char*, 5> kWhat{"do nothing", "only read", "only read and add", "write",
+                                             "manage"};
+  return client + " may " + kWhat.at(static_cast<size_t>(right)) + " here";
+}
+
+std::string reason_of(const Grant& grant, const std::string& client) {
+  std::string words = may_do(client, grant.right);
+  if (grant.extent) words += ", within " + describe(*grant.extent);
+  if (grant.expires) words += " until " + to_utc(*grant.expires);
+  words += ", as granted";
+  if (grant.subject.kind != Subject::Kind::kClient) words += " to " + to_string(grant.subject);
+  return words + " by " + grant.by;
 }
 
 std::string reason_of(std::string words, const Closure& closure) {
@@ -264,9 +276,9 @@ Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) 
   if (!ruling.reason.empty()) return ruling;
   const auto grants = grants_for(client, map);
   if (const Grant* grant = deciding(grants, now)) {
-    ruling = {grant->right, grant->extent, grant->expires, reason_of(*grant)};
+    ruling = {grant->right, grant->extent, grant->expires, reason_of(*grant, client)};
   } else {
-    ruling = {standard_, {}, {}, std::string(to_string(standard_)) + ", as everyone has at this site"};
+    ruling = {standard_, {}, {}, may_do(client, standard_) + ", as everyone at this site"};
     if (!grants.empty())
       ruling.reason += "; what was granted has expired " + to_utc(*grants.front()->expires);
   }
@@ -277,6 +289,15 @@ Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) 
     ruling.reason = reason_of("the map is frozen", frozen->second);
   }
   return ruling;
+}
+
+/// `decides`: null where the site's default holds.
+std::string Rights::reason_to_create(const Subject* decides, bool may) const {
+  if (decides != nullptr) return to_string(*decides) + (may ? " may make maps" : " may not make maps");
+  if (may) return "everyone at this site may make maps";
+  const bool is_anybody_named = std::ranges::any_of(creators_, [](const auto& rule) { return rule.second; });
+  return is_anybody_named ? "at this site only those may make maps whom an operator has named"
+                          : "nobody at this site may make maps";
 }
 
 Ruling Rights::rule_on_creating(const std::string& client) const {
@@ -294,8 +315,7 @@ Ruling Rights::rule_on_creating(const std::string& client) const {
     decides = &subject;
     may = found->second;
   }
-  const std::string who = decides == nullptr ? "everyone at this site" : to_string(*decides);
-  return {may ? Right::kWrite : Right::kNone, {}, {}, who + (may ? " may" : " may not") + " make maps"};
+  return {may ? Right::kWrite : Right::kNone, {}, {}, reason_to_create(decides, may)};
 }
 
 std::vector<RuleSeen> Rights::explain(const std::string& client, const MapId& map, Timestamp now) const {

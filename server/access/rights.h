@@ -69,7 +69,8 @@ struct Ruling {
   Right right = Right::kNone;
   std::optional<Extent> extent;      ///< in which it may let the map grow; nothing: everywhere
   std::optional<Timestamp> expires;  ///< when the right may be another
-  std::string reason;  ///< for the client's user: "read only, as granted to group visitors by ann"
+  /// For the client's user: "phone-1 may only read here, as granted to group visitors by ann".
+  std::string reason;
   bool operator==(const Ruling&) const = default;
 };
 
@@ -150,6 +151,7 @@ class Rights {
   using Key = std::pair<Subject, std::optional<MapId>>;
   [[nodiscard]] std::vector<const Grant*> grants_for(const std::string& client, const MapId& map) const;
   [[nodiscard]] std::vector<Subject> subjects_of(const std::string& client) const;
+  [[nodiscard]] std::string reason_to_create(const Subject* decides, bool may) const;
   [[nodiscard]] const Grant* deciding(const std::vector<const Grant*>& grants, Timestamp now) const;
 
   Right standard_;

@@ -133,7 +133,12 @@ TEST_F(RightsTest, MapsAreMadeByWhomIsNamedMostClosely) {
   const auto may = [&](const char* client) {
     return rights_.rule_on_creating(client).right == Right::kWrite;
   };
+  const auto why = [&](const char* client) { return rights_.rule_on_creating(client).reason; };
   EXPECT_FALSE(may("ann"));
+  EXPECT_EQ(why("ann"), "nobody at this site may make maps");
+  ASSERT_TRUE(rights_.let_create({Subject::Kind::kClient, "bob"}, true));
+  EXPECT_EQ(why("bob"), "client bob may make maps");
+  EXPECT_EQ(why("ann"), "at this site only those may make maps whom an operator has named");
   ASSERT_TRUE(rights_.let_create(kEveryone, true));
   EXPECT_TRUE(may("zoe"));
   ASSERT_TRUE(rights_.let_create(kGuests, false));
@@ -146,12 +151,21 @@ TEST_F(RightsTest, MapsAreMadeByWhomIsNamedMostClosely) {
   EXPECT_TRUE(may("ann"));
 }
 
+TEST_F(RightsTest, AReasonIsASentenceThatSaysWhoMayDoWhatAndWhoSaidSo) {
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason, "ann may do nothing here, as everyone at this site");
+  grant(kCrew, kDesk, Right::kRead);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason,
+            "ann may only read here, as granted to group crew by ops");
+  grant(kAnn, kDesk, Right::kAdd);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason, "ann may only read and add here, as granted by ops");
+}
+
 TEST_F(RightsTest, AnExtentGoesWithItsGrant) {
   const Extent extent = Sphere{{0, 0, 0}, 2};
   grant(kAnn, kDesk, Right::kWrite, {}, extent);
   EXPECT_EQ(rights_.rule("ann", kDesk, kNow).extent, extent);
   EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason,
-            "write within 2.00 around 0.00 0.00 0.00, as granted to client ann by ops");
+            "ann may write here, within 2.00 around 0.00 0.00 0.00, as granted by ops");
   grant(kCrew, kBench, Right::kWrite);
   grant(kGuests, kBench, Right::kWrite, {}, extent);
   EXPECT_EQ(rights_.rule("ann", kBench, kNow).extent, std::nullopt)

@@ -113,8 +113,7 @@ void print_rights(const json& all) {
 }
 
 void print_explanation(const json& said) {
-  std::printf("%s in %s: %s\n", text_of(said, "client").c_str(), text_of(said, "map").c_str(),
-              text_of(said, "reason").c_str());
+  std::printf("in map %s %s\n", text_of(said, "map").c_str(), text_of(said, "reason").c_str());
   for (const json& rule : said.value("rules", json::array()))
     std::printf("  %s %s\n", padded(text_of(rule, "part"), 14).c_str(), text_of(rule, "rule").c_str());
   std::printf("%s\n", text_of(said, "create_reason").c_str());
@@ -270,8 +269,9 @@ Status show_extent(AdminClient* client, const std::string& map, const Words& wor
     std::printf("%s\n", json_text(json{{"bounds", bounds}, {"grants", grants}}, 2).c_str());
     return {};
   }
-  std::printf("%s: its points, but for those farthest out, are within %s and %s [m]\n", text_of(shown->content, "name").c_str(),
-              corner_of(bounds, "min").c_str(), corner_of(bounds, "max").c_str());
+  std::printf("%s: its points, but for those farthest out, are within %s and %s [m]\n",
+              text_of(shown->content, "name").c_str(), corner_of(bounds, "min").c_str(),
+              corner_of(bounds, "max").c_str());
   if (grants.empty()) std::printf("who may add or write may let it grow anywhere\n");
   for (const json& rule : grants) print_grant(rule);
   return {};
@@ -286,8 +286,7 @@ Status set_extent(AdminClient* client, const std::string& map, const Words& word
   return ask_and_print(client, request, as_json, print_done);
 }
 
-void print_clients(const json& all) {
-  const json clients = all.value("clients", json::array());
+void print_clients(const json& clients) {
   if (clients.empty()) std::fprintf(stderr, "cairnctl: no clients\n");
   for (const json& client : clients) {
     const std::string wearer = text_of(client, "wearer");
@@ -301,15 +300,23 @@ void print_clients(const json& all) {
   }
 }
 
+Status list_clients(AdminClient* client, bool as_json) {
+  const auto answer = client->ask({{"verb", "clients"}});
+  if (!answer) return tl::unexpected(answer.error());
+  const json clients = answer->content.value("clients", json::array());
+  if (as_json) {
+    std::printf("%s\n", json_text(clients, 2).c_str());
+  } else {
+    print_clients(clients);
+  }
+  return {};
+}
+
 void describe_clients(CLI::App* app, AccessAction* action) {
   const auto words = std::make_shared<Words>();
   CLI::App* clients =
       app->add_subcommand("clients", "trackers; without a word more, lists those that are known");
-  const auto list = [action] {
-    *action = [](AdminClient* client, bool as_json) {
-      return ask_and_print(client, {{"verb", "clients"}}, as_json, print_clients);
-    };
-  };
+  const auto list = [action] { *action = list_clients; };
   clients->callback([action, list] {
     if (!*action) list();
   });

@@ -28,7 +28,9 @@ Status ask_and_print(AdminClient* client, const json& request, bool as_json,
 
 Result<bool> confirmed(const std::string& question) {
   if (isatty(STDIN_FILENO) == 0)
-    return fail(ErrorCode::kUsage, "this cannot be asked here: " + question + " Say --yes if so");
+    return fail(ErrorCode::kUsage, question +
+                                       " Nobody can answer: standard input is no terminal. If it is meant, "
+                                       "give the command with --yes");
   std::fprintf(stderr, "%s [y/N] ", one_line(question).c_str());
   std::string answer;
   std::getline(std::cin, answer);

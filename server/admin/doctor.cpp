@@ -21,8 +21,8 @@
 #include "common/base/utf8.h"
 #include "common/io/json_text.h"
 #include "common/wire/network_path.h"
+#include "server/admin/doctor_security.h"
 #include "server/admin/listing.h"
-#include "server/keys/identity.h"
 
 namespace cairn {
 namespace {
@@ -33,7 +33,6 @@ using Grade = Finding::Grade;
 constexpr uint64_t kWantedBuffer = 4'000'000;  ///< [bytes] as the network profiles ask for
 constexpr uint64_t kFewBytes = 1'000'000'000;  ///< of free disk
 constexpr double kFewShare = 0.05;
-constexpr std::chrono::hours kSoon{24 * 14};
 constexpr uint16_t kPortsOfDomain = 160;  ///< server, participants, rigs and wearers' cameras
 
 constexpr const char* kFooter =
@@ -41,7 +40,9 @@ constexpr const char* kFooter =
     "Examples:\n"
     "  cairnctl doctor                                     of this machine and the server on it\n"
     "  cairnctl --server cairn.local doctor                of a client's way to a server\n"
-    "  cairnctl doctor --data /var/lib/cairn/store --keys /etc/cairn/keys";
+    "  cairnctl --security cairn-keys/enclaves/operator/ann doctor\n"
+    "                                                      and of these keys, their authorities and crl.pem\n"
+    "  cairnctl doctor --data /var/lib/cairn/store --keys cairn-keys";
 
 struct Words {
   std::string data;
@@ -59,11 +60,6 @@ std::optional<uint64_t> number_in(const std::string& text) {
   uint64_t number = 0;
   const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
   return problem == std::errc() ? std::optional(number) : std::nullopt;
-}
-
-Timestamp wall_clock() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
 }
 
 /// Whether `port` is among "7000-8000,9000".
@@ -112,7 +108,9 @@ std::vector<Finding> look_at_network(const AdminClientOptions& connection) {
 Finding look_at_server(const AdminClientOptions& connection) {
   auto client = AdminClient::connect(connection);
   if (!client)
-    return {"server", Grade::kProblem, client.error().message, "systemctl status cairn-server, there"};
+    return {"server", Grade::kProblem, client.error().message,
+            "start `cairn-server --store DIR` there, or name the host and network that it is on (--server, "
+            "--domain, --profile)"};
   const auto status = client->ask({{"verb", "status"}});
   if (!status) return {"server", Grade::kProblem, status.error().message, "see to what it says"};
   const std::string health = text_of(status->content, "health");
@@ -125,7 +123,7 @@ Finding look_at_clock() {
   timex now{};
   const int state = ::adjtimex(&now);
   const bool is_synchronized = state != TIME_ERROR && (now.status & STA_UNSYNC) == 0;
-  const std::string time = to_utc(wall_clock());
+  const std::string time = to_utc(wall_clock_now());
   if (is_synchronized) return {"clock", Grade::kOk, time + ", synchronized", ""};
   return {
       "clock", Grade::kWarning,
@@ -140,22 +138,6 @@ Finding look_at_disk(const std::string& folder) {
     return {"disk", Grade::kProblem, one_line(folder) + ": is not there", "another --data, or make it"};
   return judge_disk(folder, uint64_t{disk.f_bavail} * disk.f_frsize, uint64_t{disk.f_blocks} * disk.f_frsize,
                     ::access(folder.c_str(), W_OK) == 0);
-}
-
-Finding look_at_certificates(const std::string& folder) {
-  const auto known = read_register(std::filesystem::path(folder) / kRegisterFile);
-  if (!known)
-    return {"certificates", Grade::kProblem, known.error().message,
-            "`cairnctl keys init`, or another --keys"};
-  std::optional<std::pair<std::string, Timestamp>> first;
-  for (const auto& [key, identity] : *known) {
-    if (identity.revoked || identity.issues.empty()) continue;
-    const Timestamp expires = identity.issues.back().expires;
-    if (!first || expires < first->second)
-      first = {std::string(to_string(identity.role)) + " " + identity.name, expires};
-  }
-  if (!first) return {"certificates", Grade::kOk, "none was issued", ""};
-  return judge_certificate(first->first, first->second, wall_clock());
 }
 
 const char* word_of(Grade grade) {
@@ -226,16 +208,6 @@ Finding judge_disk(const std::string& folder, uint64_t free_bytes, uint64_t all_
           "free space there: `cairnctl maps purge`, old backups, files set aside in `damaged`"};
 }
 
-Finding judge_certificate(const std::string& name, Timestamp expires, Timestamp now) {
-  const std::string when = "that of " + name + " expires first, " + to_utc(expires);
-  const std::string remedy = "`cairnctl keys renew " + name + "`, and copy its folder to the device";
-  if (expires <= now)
-    return {"certificates", Grade::kProblem, "that of " + name + " has expired, " + to_utc(expires), remedy};
-  const auto soon = std::chrono::duration_cast<std::chrono::nanoseconds>(kSoon).count();
-  if (expires.nanoseconds - now.nanoseconds < soon) return {"certificates", Grade::kWarning, when, remedy};
-  return {"certificates", Grade::kOk, when, ""};
-}
-
 void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalAction* local) {
   const auto words = std::make_shared<Words>();
   CLI::App* doctor = app->add_subcommand(
@@ -243,7 +215,9 @@ void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalA
       "what is in the way: interface, multicast, server, ports, socket buffers, clock, disk, certificates; "
       "and what to do");
   doctor->add_option("--data", words->data, "folder of a server's store, for its disk")->type_name("FOLDER");
-  doctor->add_option("--keys", words->keys, "folder of a site's keys, or a server's security folder")
+  doctor
+      ->add_option("--keys", words->keys,
+                   "folder of a site's keys, or a server's security folder: whose certificate expires first")
       ->type_name("DIR");
   doctor->footer(kFooter);
   doctor->callback([=] {
@@ -256,7 +230,11 @@ void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalA
       findings.push_back(judge_buffers(content_of("/proc/sys/net/core/rmem_max")));
       findings.push_back(look_at_clock());
       if (!words->data.empty()) findings.push_back(look_at_disk(words->data));
-      if (!words->keys.empty()) findings.push_back(look_at_certificates(words->keys));
+      if (!connection->security.empty()) {
+        const auto own = look_at_security(connection->security, wall_clock_now());
+        findings.insert(findings.end(), own.begin(), own.end());
+      }
+      if (!words->keys.empty()) findings.push_back(look_at_certificates(words->keys, wall_clock_now()));
       return tell(findings, as_json);
     };
   });

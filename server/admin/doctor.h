@@ -26,8 +26,6 @@ struct Finding {
 [[nodiscard]] Finding judge_buffers(const std::string& most);
 [[nodiscard]] Finding judge_disk(const std::string& folder, uint64_t free_bytes, uint64_t all_bytes,
                                  bool is_writable);
-/// `expires`: of the certificate that goes first, called `name`.
-[[nodiscard]] Finding judge_certificate(const std::string& name, Timestamp expires, Timestamp now);
 
 /// The words of `cairnctl doctor`; `connection`: once the line has been read.
 void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalAction* local);

@@ -32,15 +32,5 @@ TEST(Doctor, SmallBuffersAndFullDisksAreNamedWithTheRemedy) {
               HasSubstr("cannot be written"));
 }
 
-TEST(Doctor, ACertificateIsToldBeforeItExpires) {
-  constexpr int64_t kDay = int64_t{86'400} * 1'000'000'000;
-  const Timestamp now{20'000 * kDay};
-  EXPECT_EQ(judge_certificate("client phone-1", {now.nanoseconds + 30 * kDay}, now).grade, Grade::kOk);
-  EXPECT_EQ(judge_certificate("client phone-1", {now.nanoseconds + 3 * kDay}, now).grade, Grade::kWarning);
-  const Finding late = judge_certificate("client phone-1", {now.nanoseconds - kDay}, now);
-  EXPECT_EQ(late.grade, Grade::kProblem);
-  EXPECT_THAT(late.remedy, HasSubstr("keys renew client phone-1"));
-}
-
 }  // namespace
 }  // namespace cairn

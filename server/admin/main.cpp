@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/base/exit_deadline.h"
+#include "common/base/help_formats.h"
 #include "common/base/log.h"
 #include "common/base/unknown_word.h"
 #include "common/base/utf8.h"
@@ -334,8 +335,7 @@ Status export_maps(AdminClient* client, const Options& options) {
   });
   if (!first) return {};
   if (maps.size() > 1)
-    first->message = std::to_string(whole) + " of " + std::to_string(maps.size()) +
-                     " maps exported; the first that was not: " + first->message;
+    first->message = std::to_string(whole) + " of " + std::to_string(maps.size()) + " maps exported";
   return tl::unexpected(*first);
 }
 
@@ -371,7 +371,7 @@ Status import_maps(AdminClient* client, const Options& options) {
 }
 
 /// Usage of a command with all that comes before it on the line: `cairnctl map MAP rename NAME`.
-class WholeLine : public CLI::Formatter {
+class WholeLine : public OwnFooter {
  public:
   std::string make_usage(const CLI::App* app, std::string /*name*/) const override {
     std::string words = app->get_name();

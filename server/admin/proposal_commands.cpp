@@ -185,10 +185,11 @@ Result<std::vector<std::string>> ids_of(AdminClient* client, const Words& words)
 }
 
 /// Each, whatever becomes of the others: the second of two from one place is refused once the first is a
-/// keyframe.
+/// keyframe. Of several, each refusal is told in its place, and in the end how many there were.
 Status decide_each(AdminClient* client, const std::vector<std::string>& ids, const char* verb, bool as_json) {
   json done = json::array();
   std::optional<Error> first;
+  size_t refused = 0;
   for (const std::string& id : ids) {
     const auto answer = client->ask({{"verb", verb}, {"proposal", id}});
     if (answer) {
@@ -204,12 +205,16 @@ Status decide_each(AdminClient* client, const std::vector<std::string>& ids, con
       std::fprintf(stderr, "cairnctl: %s: %s\n", one_line(id).c_str(), answer.error().message.c_str());
     done.push_back({{"id", id}, {"refused", answer.error().message}});
     if (!first) first = answer.error();
+    ++refused;
     if (answer.error().code == ErrorCode::kNoServer) break;
   }
   if (as_json) std::printf("%s\n", json_text(done, 2).c_str());
   if (!first && ids.empty() && !as_json) std::fprintf(stderr, "cairnctl: no proposals wait\n");
   if (!first) return {};
-  if (ids.size() > 1) first->message = "not all of them; the first that was not: " + first->message;
+  if (ids.size() > 1)
+    first->message =
+        std::to_string(refused) + " of " + std::to_string(ids.size()) +
+        (std::string(verb) == "proposal-accept" ? " proposals not accepted" : " proposals not dropped");
   return tl::unexpected(*first);
 }
 

@@ -121,6 +121,16 @@ Status take_parts(AdminClient* client, const fs::path& staging, BackupWriter* wr
   return {};
 }
 
+/// A name that was mistyped makes no folder.
+Status check_folder_of(const fs::path& place) {
+  const fs::path folder = place.parent_path();
+  std::error_code problem;
+  if (fs::is_directory(folder, problem)) return {};
+  return fail(ErrorCode::kIo, in_quotes(folder.string()) +
+                                  ": there is no such folder; name another, or `mkdir -p " +
+                                  one_line(folder.string()) + "` makes it");
+}
+
 /// All of it, or no file of that name.
 Status back_up(AdminClient* client, const std::string& file, bool as_json) {
   const Interruption interruption;
@@ -131,6 +141,7 @@ Status back_up(AdminClient* client, const std::string& file, bool as_json) {
     return fail(ErrorCode::kRefused,
                 in_quotes(file) + ": is there already, and a backup replaces nothing; choose another name");
   }
+  if (Status there = check_folder_of(place); !there) return there;
   const auto staging = StagingFolder::make_in(place.parent_path());
   if (!staging) return tl::unexpected(staging.error());
   const fs::path made = staging->path() / place.filename();
@@ -175,6 +186,7 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
   if (!folder.has_filename())
     folder = folder.parent_path();  // it was named with a slash at its end, or as "."
   if (Status is_free = check_is_free(folder); !is_free) return is_free;
+  if (Status there = check_folder_of(folder); !there) return there;
   // Beside the folder, so that a half of it is never taken for a store.
   const auto staging = StagingFolder::make_in(folder.parent_path());
   if (!staging) return tl::unexpected(staging.error());
@@ -257,7 +269,9 @@ Status verify_folder(const std::string& data, bool as_json) {
 }
 
 Status verify_backup(const std::string& backup, bool as_json) {
-  const auto staging = StagingFolder::make_in(fs::absolute(backup).parent_path());
+  const fs::path place = fs::absolute(backup);
+  if (Status there = check_folder_of(place); !there) return there;
+  const auto staging = StagingFolder::make_in(place.parent_path());
   if (!staging) return tl::unexpected(staging.error());
   const auto content = unpack(backup, staging->path() / "store");
   if (!content) return tl::unexpected(content.error());

@@ -67,14 +67,17 @@ Result<json> contributors_of(AdminClient* client, const std::string& map) {
 Status list_contributors(AdminClient* client, const std::string& map, bool as_json) {
   const auto told = contributors_of(client, map);
   if (!told) return tl::unexpected(told.error());
+  json rows = told->at("contributors");
+  const uint64_t unknown = count_of(*told, "unknown");
   if (as_json) {
-    std::printf("%s\n", json_text(*told, 2).c_str());
+    if (unknown > 0) rows.push_back({{"client", nullptr}, {"keyframes", unknown}, {"ids", nullptr}});
+    std::printf("%s\n", json_text(rows, 2).c_str());
     return {};
   }
-  for (const json& row : told->at("contributors"))
+  for (const json& row : rows)
     std::printf("%-32s %6" PRIu64 " keyframes  %s\n", text_of(row, "client").c_str(),
                 count_of(row, "keyframes"), text_of(row, "ids").c_str());
-  if (const uint64_t unknown = told->value("unknown", uint64_t{0}); unknown > 0)
+  if (unknown > 0)
     std::printf("%-32s %6" PRIu64 " keyframes  from before contributors were kept\n", "(not known)", unknown);
   return {};
 }

@@ -124,8 +124,10 @@ Result<Keystore> Keystore::open(const fs::path& folder) {
   std::error_code problem;
   if (lock.get() < 0 || !fs::exists(folder / kRegisterFile, problem)) {
     const std::string why = lock.get() < 0 && errno != ENOENT ? std::strerror(errno) : "no keys are there";
-    return fail(ErrorCode::kNotFound, folder.string() + ": " + why + "; `cairnctl keys init --keys " +
-                                          folder.string() + "` makes some");
+    return fail(ErrorCode::kNotFound,
+                fs::absolute(folder, problem).lexically_normal().string() + ": " + why +
+                    "; --keys DIR names the folder that has the keys of your site. Only who has no site yet "
+                    "makes one, with `cairnctl keys init`");
   }
   while (flock(lock.get(), LOCK_EX) != 0) {
     if (errno != EINTR) return fail(ErrorCode::kIo, folder.string() + ": " + std::strerror(errno));

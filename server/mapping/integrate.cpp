@@ -239,7 +239,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (!input.camera || !input.camera_from_reference.is_finite())
     return refuse(KeyframeVerdict::kDamaged, "camera or pose do not make a frame");
   if (!map->is_live(input.reference))
-    return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+    return refuse(KeyframeVerdict::kStale, "the keyframe that its pose refers to is not in the map any more");
   std::shared_ptr<const KeyframeImages> images;
   size_t expected = 0;
   if (input.is_chained) {  // its image shows more points than were measured

@@ -9,7 +9,7 @@ bool takes_proposals(const ServiceContext& context, const Client& client, MapId 
 }
 
 std::string why_aside(const wire::KeyframeOffer& offer, const MapEntry& entry, const Ruling& ruling) {
-  if (offer.as_proposal) return "proposed by who only reads";
+  if (offer.as_proposal) return "its tracker only reads (--role reader)";
   if (ruling.right < Right::kAdd) return ruling.reason;
   // The map maker judges by the pose that it finds itself; what lies clearly outside need not wait for that.
   const KeyframePose* reference = offer.reference_command == 0 && offer.epoch == entry.snapshot->epoch

@@ -97,6 +97,34 @@ class Operator(OnTheDesk):
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
         self.assertIn("`cairnctl keys issue`", self.ctl("--security", self.folder, "status", expect=CONFIGURATION))
 
+    def test_lists_of_one_kind_of_thing_are_arrays(self):
+        for words in (("labels",), ("labels", "list"), ("clients",), ("clients", "list"), ("wearers",), ("rigs",), ("proposals",),
+                      ("proposals", "list"), ("audit",), ("map", "map-1", "tags"), ("map", "map-1", "contributors"), ("verify",)):
+            self.assertIsInstance(self.ctl(*words), list, words)
+        self.assertEqual(self.ctl("maps").keys(), {"maps", "deleted", "damaged", "unloaded"}, "of several kinds")
+
+    def test_nothing_is_written_into_a_folder_that_is_not_there(self):
+        nowhere = self.folder / "tpyo"
+        for words in (("backup", nowhere / "monday.tar"), ("verify", "--backup", nowhere / "monday.tar"),
+                      ("restore", nowhere / "monday.tar", "--data", nowhere / "store")):
+            said = self.ctl(*words, expect=CONFIGURATION)
+            self.assertIn(f"{nowhere}", said)
+            self.assertFalse(nowhere.exists(), words)
+        self.assertIn(f"`mkdir -p {nowhere}`", self.ctl("backup", nowhere / "monday.tar", expect=CONFIGURATION))
+
+    def test_a_refusal_of_several_is_told_once(self):
+        done = subprocess.run(command("cairnctl", "--domain", self.server.domain, "maps", "export", "attic", "cellar", "--out",
+                                      self.folder / "none"), capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual((done.stderr.count("'attic'"), done.stderr.count("'cellar'")), (1, 1), done.stderr)
+        self.assertTrue(done.stderr.endswith("cairnctl: 0 of 2 maps exported\n"), done.stderr)
+        said = self.ctl("proposals", "accept", "no-1", "no-2", expect=REFUSED)
+        self.assertEqual((said.count("no proposal no-1"), said.count("no proposal no-2")), (1, 1), said)
+        self.assertTrue(said.endswith("cairnctl: 2 of 2 proposals not accepted\n"), said)
+
+    def test_a_command_shows_its_own_examples_only(self):
+        told = subprocess.run(command("cairnctl", "rights", "explain", "--help"), check=True, capture_output=True, text=True).stdout
+        self.assertEqual(re.findall(r"^  cairnctl .*$", told, re.M), ["  cairnctl rights explain phone-2 desk"])
+
     def test_a_run_that_drops_most_frames_says_so_last_and_is_no_success(self):
         done = subprocess.run(command("cairn-track", "--source", f"images:{self.folder}/desk/rgb?fps=20000", "--headless", "--role", "reader",
                                       "--domain", self.server.domain, "--trajectory", self.folder / "dropped.txt"),
@@ -218,7 +246,7 @@ class Operator(OnTheDesk):
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("--for-good", self.ctl("map", "map-1", "delete", expect=REFUSED, server=server))
             self.assertEqual(self.names(server), ["map-1"])
-            self.assertIn("Say --yes if so", self.ctl("map", "map-1", "delete", "--for-good", expect=USAGE, server=server))
+            self.assertIn("If it is meant, give the command with --yes", self.ctl("map", "map-1", "delete", "--for-good", expect=USAGE, server=server))
             self.assertEqual(self.names(server), ["map-1"])
             self.assertEqual(self.say("map", "map-1", "delete", "--for-good", "--yes", server=server), "map-1 removed for good\n")
             self.assertEqual(self.names(server), [])
@@ -458,7 +486,7 @@ class Operator(OnTheDesk):
                                                "walker", "--headless", "--no-new-maps", "--pace", "realtime", "--stats", stats),
                                        stderr=subprocess.PIPE, text=True)
             deadline = time.monotonic() + LIMIT
-            while not any(c["connected"] for c in self.ctl("clients", server=server)["clients"]):
+            while not any(c["connected"] for c in self.ctl("clients", server=server)):
                 self.assertLess(time.monotonic(), deadline)
             epochs = []
             while tracker.poll() is None and len(epochs) < 3:
@@ -566,7 +594,7 @@ class Operator(OnTheDesk):
             self.assertIn("this client is blocked", said)
             self.assertLessEqual(len(re.findall("refused to start a map: [^(]*$", said, re.MULTILINE)), 1, said)
             self.assertRegex(self.say("clients", server=server), "shut-out +(connected|away), blocked")
-            (mine,) = self.ctl("map", "map-1", "contributors", server=server)["contributors"]
+            (mine,) = self.ctl("map", "map-1", "contributors", server=server)
             self.assertEqual((mine["client"], mine["keyframes"]), ("builder", self.map_1(server)["keyframes"]))
             self.assertIn("nothing would be left", self.ctl("map", "map-1", "drop-contributor", "builder", "--yes", expect=REFUSED,
                                                             server=server))

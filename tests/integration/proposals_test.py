@@ -70,10 +70,10 @@ class Proposals(unittest.TestCase):
 
         said, saw = self.track("visitor", LATER + "250", "--role", "reader")
         self.assertIn("this map takes proposals", said)
-        self.assertIn("keyframe kept aside as a proposal: proposed by who only reads", said)
+        self.assertIn("keyframe kept aside as a proposal: its tracker only reads (--role reader)", said)
         self.ctl("rights", "grant", "phone", "map-1", "read")
         said, _ = self.track("phone", LATER + "250")
-        self.assertRegex(said, "kept aside as a proposal: read only|shows the same already")
+        self.assertRegex(said, "kept aside as a proposal: phone may only read here|shows the same already")
         waiting = self.ctl("proposals", "map-1")
         self.assertEqual(self.keyframes(), before, "a proposal is no part of the map")
         for proposal in waiting:

@@ -208,7 +208,7 @@ TEST_P(RightsOverDds, WhatIsRevokedIsGoneWithinASecondAndWhatIsGrantedComes) {
   grant("bob", "read");
   EXPECT_TRUE(is_sent(*bob, true));
   EXPECT_TRUE(is_answered(*bob));
-  EXPECT_THAT(why_no_offer(*bob), HasSubstr("read, as granted to client bob"));
+  EXPECT_THAT(why_no_offer(*bob), HasSubstr("bob may only read here, as granted by ops"));
   EXPECT_NE(anna_->snapshot(), nullptr) << "others are not disturbed";
 }
 

@@ -79,7 +79,7 @@ class Security(OnTheDesk):
 
     def nobody_may_anything_at_first(self):
         _, said = self.client("builder-1", "--pace", "lockstep", code=1)
-        self.assertIn("may not make maps", said)
+        self.assertIn("nobody at this site may make maps", said)
         self.assertEqual(self.ctl("maps")["maps"], [])
         self.ctl("rights", "create", "builder-1", "yes")
         for builder in ("builder-1", "builder-2"):
@@ -95,9 +95,9 @@ class Security(OnTheDesk):
         stats, said = self.client("reader", "--pace", "lockstep", "--role", "reader")
         self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.9, said)
         _, said = self.client("reader", "--pace", "lockstep", "--no-new-maps", "--labels", self.folder / "desk/labels.txt")
-        self.assertRegex(said, "label .* not placed: refused: .*read, as granted to client reader by ann")
+        self.assertRegex(said, "label .* not placed: refused: .*reader may only read here, as granted by ann")
         self.assertEqual(self.ctl("labels", "desk"), [])
-        proven = {c["name"]: c["proven"] for c in self.ctl("clients")["clients"]}
+        proven = {c["name"]: c["proven"] for c in self.ctl("clients")}
         self.assertEqual(proven, {"builder-1": True, "builder-2": True, "reader": True})
 
     def strangers_see_nothing(self):

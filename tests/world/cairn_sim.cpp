@@ -21,6 +21,7 @@
 #include <system_error>
 #include <vector>
 
+#include "common/base/help_formats.h"
 #include "common/base/log.h"
 #include "common/base/stream_writer.h"
 #include "common/base/unknown_word.h"
@@ -246,6 +247,7 @@ int run(int argc, char** argv) {
       "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate "
       "/tmp/desk/groundtruth.txt /tmp/est.txt\n"
       "  cairn-sim judge /tmp/map map.txt /tmp/visit visit.txt");
+  app.formatter(std::make_shared<OwnFooter>());
   app.set_version_flag("--version", "cairn-sim " + std::string(version()));
   const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
   CLI::App* render_command =
