@@ -109,7 +109,7 @@ Result<Security> read_security(const fs::path& folder, Timestamp now) {
   if (!tag) return tl::unexpected(tag.error());
   if (Status taken = check_revocations(place / "crl.pem", **identities, **own); !taken)
     return tl::unexpected(taken.error());
-  return Security{place, facts.role, facts.name, *tag, facts.expires};
+  return Security{place, facts.role, facts.name, *tag, fingerprint_of(**identities), facts.expires};
 }
 
 Result<Security> read_security(const fs::path& folder) {

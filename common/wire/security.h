@@ -17,6 +17,7 @@ struct Security {
   std::string role;              ///< client, server, operator or rig
   std::string name;              ///< by which the partitions go that it may use
   std::string tag;               ///< of the site; who does not know it draws no answer
+  std::string authority;         ///< the fingerprint of the one that signs the site's identities
   Timestamp expires;
 };
 

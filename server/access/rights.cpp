@@ -234,12 +234,34 @@ std::string Rights::why_blocked(const std::string& client) const {
   return blocked == blocked_.end() ? std::string() : reason_of("this client is blocked", blocked->second);
 }
 
+std::vector<Membership> Rights::memberships(const std::string& client) const {
+  std::map<std::string, Membership> by_group;
+  for (const auto& [group, members] : groups_) {
+    if (members.contains(client)) by_group[group].by_rights = true;
+  }
+  if (const auto keys = groups_of_keys_.find(client); keys != groups_of_keys_.end()) {
+    for (const std::string& group : keys->second) by_group[group].by_keys = true;
+  }
+  std::vector<Membership> memberships;
+  for (auto& [group, membership] : by_group) {
+    membership.group = group;
+    memberships.push_back(std::move(membership));
+  }
+  return memberships;
+}
+
+std::set<std::string> Rights::groups() const {
+  std::set<std::string> names;
+  for (const auto& [group, members] : groups_) names.insert(group);
+  for (const auto& [client, groups] : groups_of_keys_) names.insert(groups.begin(), groups.end());
+  return names;
+}
+
 /// The closest first.
 std::vector<Subject> Rights::subjects_of(const std::string& client) const {
   std::vector<Subject> subjects{{Subject::Kind::kClient, client}};
-  for (const auto& [group, members] : groups_) {
-    if (members.contains(client)) subjects.push_back({Subject::Kind::kGroup, group});
-  }
+  for (const Membership& member : memberships(client))
+    subjects.push_back({Subject::Kind::kGroup, member.group});
   subjects.push_back({});
   return subjects;
 }

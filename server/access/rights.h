@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -81,6 +82,17 @@ struct RuleSeen {
   Part part = Part::kOutweighed;
 };
 
+/// By the name of a client.
+using GroupsOfClients = std::map<std::string, std::set<std::string>>;
+
+/// That a client belongs to a group, and what says so.
+struct Membership {
+  std::string group;
+  bool by_rights = false;  ///< put_group()
+  bool by_keys = false;    ///< set_groups_of_keys()
+  bool operator==(const Membership&) const = default;
+};
+
 /// Who may do what with which map: a value, without clock or disk. Of the grants that name a client, one for
 /// the map is before one for all maps, and then the one that names it most closely: client, group (of
 /// several, the one that grants most), everyone. Where there is none, the site's default holds. A blocked
@@ -99,6 +111,9 @@ class Rights {
   [[nodiscard]] Status let_create(const Subject& subject, std::optional<bool> may);
   /// An empty set removes the group.
   [[nodiscard]] Status put_group(const std::string& name, std::set<std::string> members);
+  /// The groups that the keys of clients name, beside those of put_group(). No part of table(): the register
+  /// of the keys says so at each start.
+  void set_groups_of_keys(GroupsOfClients groups) { groups_of_keys_ = std::move(groups); }
   void set_standard(Right right, bool may_create);
   /// Who has made a map may write in it, unless a grant for this map has said something else: granted by the
   /// server, and revocable as any other.
@@ -127,6 +142,10 @@ class Rights {
   /// All that was looked at for rule().
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;
+  /// By group.
+  [[nodiscard]] std::vector<Membership> memberships(const std::string& client) const;
+  /// All groups that have members, by rights or by keys.
+  [[nodiscard]] std::set<std::string> groups() const;
   /// When a ruling changes next by itself, after `now`.
   [[nodiscard]] std::optional<Timestamp> next_expiry(Timestamp now) const;
 
@@ -159,6 +178,7 @@ class Rights {
   std::map<Key, Grant> grants_;
   std::map<Subject, bool> creators_;
   std::map<std::string, std::set<std::string>> groups_;
+  GroupsOfClients groups_of_keys_;
   std::map<MapId, Closure> frozen_;
   std::map<std::string, Closure> blocked_;
   bool proposals_ = false;

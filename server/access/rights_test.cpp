@@ -94,6 +94,22 @@ TEST_F(RightsTest, OfSeveralGroupsTheOneThatGrantsMostCounts) {
   EXPECT_EQ(right("ann", kDesk), Right::kNone) << "none, said of the client itself";
 }
 
+TEST_F(RightsTest, GroupsOfKeysCountBesideThoseOfRights) {
+  grant(kCrew, kDesk, Right::kAdd);
+  EXPECT_EQ(right("hand-9", kDesk), Right::kNone);
+  rights_.set_groups_of_keys({{"hand-9", {"crew"}}, {"ann", {"crew", "night"}}});
+  EXPECT_EQ(right("hand-9", kDesk), Right::kAdd);
+  EXPECT_EQ(right("zoe", kDesk), Right::kNone);
+  ASSERT_TRUE(rights_.let_create(kCrew, true));
+  EXPECT_EQ(rights_.rule_on_creating("hand-9").right, Right::kWrite);
+  EXPECT_THAT(rights_.memberships("hand-9"), testing::ElementsAre(Membership{"crew", false, true}));
+  EXPECT_THAT(rights_.memberships("ann"), testing::Contains(Membership{"crew", true, true}));
+  EXPECT_TRUE(rights_.groups().contains("night"));
+  EXPECT_FALSE(rights_.table().groups.contains("night")) << "they are not kept with the rights";
+  rights_.set_groups_of_keys({});
+  EXPECT_EQ(right("hand-9", kDesk), Right::kNone) << "other keys";
+}
+
 TEST_F(RightsTest, WhatHasExpiredIsAsIfItWereNotThere) {
   grant(kCrew, {}, Right::kRead);
   grant(kAnn, kDesk, Right::kWrite, kLater);

@@ -55,8 +55,15 @@ struct Words {
   int limit = 50;
 };
 
+/// What may not be as it was meant.
+void print_note(const json& answer) {
+  if (const std::string note = text_of(answer, "note"); !note.empty())
+    std::fprintf(stderr, "cairnctl: note: %s\n", note.c_str());
+}
+
 void print_done(const json& answer) {
   std::printf("%s\n", text_of(answer, "done").c_str());
+  print_note(answer);
 }
 
 AccessAction change(json request) {
@@ -116,7 +123,14 @@ void print_explanation(const json& said) {
   std::printf("in map %s %s\n", text_of(said, "map").c_str(), text_of(said, "reason").c_str());
   for (const json& rule : said.value("rules", json::array()))
     std::printf("  %s %s\n", padded(text_of(rule, "part"), 14).c_str(), text_of(rule, "rule").c_str());
+  for (const json& member : said.value("groups", json::array())) {
+    const bool by_keys = member.value("by_keys", false);
+    const bool by_rights = member.value("by_rights", false);
+    std::printf("in group %s, as %s%s%s\n", text_of(member, "group").c_str(), by_keys ? "its keys say" : "",
+                by_keys && by_rights ? " and " : "", by_rights ? "`rights group` said" : "");
+  }
   std::printf("%s\n", text_of(said, "create_reason").c_str());
+  print_note(said);
 }
 
 bool has_extent(const Words& words) {

@@ -246,7 +246,11 @@ void describe_keys(CLI::App* app, KeysAction* action) {
   keys->add_subcommand("init", "makes the two authorities that sign everything else")->callback(does(init));
   CLI::App* give = add("issue", "makes keys for somebody new", true);
   add_days(give);
-  give->add_option("--groups", words->groups, "client: to which rights may be granted")->delimiter(',');
+  give->add_option(
+          "--groups", words->groups,
+          "client: the groups that it is in, for `cairnctl rights grant 'group NAME'`, beside those of "
+          "`rights group`")
+      ->delimiter(',');
   give->add_option("--rig", words->rig, "client: the rig that carries its camera")->type_name("NAME");
   give->add_option("--wearer", words->wearer, "client: who wears it")->type_name("NAME");
   give->add_option("--role", words->duty, "operator: watch, curate or administer")

@@ -24,6 +24,7 @@
 #include "server/admin/own_name.h"
 #include "server/store/backup.h"
 #include "server/store/check_report.h"
+#include "server/store/site_file.h"
 
 namespace cairn {
 namespace {
@@ -150,6 +151,11 @@ Status back_up(AdminClient* client, const std::string& file, bool as_json) {
   if (done) done = writer->finish(wall_clock(), std::string(version()));
   if (done) done = leave_file(made, place);
   if (!done) return tl::unexpected(staging->told_of(place.parent_path(), done.error()));
+  std::fprintf(
+      stderr,
+      "cairnctl: the backup has maps, labels, tags, rights and the audit log. It has neither keys (the "
+      "folder of the site's keys, security folders) nor the server's configuration and wearers files: "
+      "keep these elsewhere\n");
   const json told{{"file", path_in_json(place)},
                   {"files", writer->content().parts.size()},
                   {"bytes", fs::file_size(place, ignored)}};
@@ -181,6 +187,33 @@ Result<BackupContent> unpack(const std::string& backup, const fs::path& unpacked
   });
 }
 
+/// Whether only who has keys takes part there.
+Result<bool> is_secured(const fs::path& store) {
+  std::error_code ignored;
+  if (!fs::exists(store / "site.db", ignored)) return false;
+  auto site = SiteFile::open(store / "site.db");
+  if (!site) return tl::unexpected(site.error());
+  const auto since = site->secured_since();
+  if (!since) return tl::unexpected(since.error());
+  return since->has_value();
+}
+
+/// How a server is started with what was restored.
+void print_next_step(const fs::path& folder, bool needs_keys) {
+  const std::string store = one_line(folder.string());
+  if (!needs_keys) {
+    std::printf("start the server with `cairn-server --store %s`\n", store.c_str());
+    return;
+  }
+  std::printf(
+      "start the server with `cairn-server --store %s --security DIR`: it is a secured site's, and a backup "
+      "has "
+      "no keys. DIR is a copy of the security folder that its server had (`cairn-keys/enclaves/server/NAME` "
+      "where "
+      "the site's keys are), not one of a new `cairnctl keys init` (deploy/SECURED.md, On another machine)\n",
+      store.c_str());
+}
+
 Status restore(const std::string& backup, const std::string& data, bool as_json) {
   fs::path folder = fs::absolute(data).lexically_normal();
   if (!folder.has_filename())
@@ -195,14 +228,18 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
   const Status done = content ? settle_restored(unpacked, folder, check_rights, "operator " + person_name())
                               : tl::unexpected(content.error());
   if (!done) return tl::unexpected(staging->told_of(folder.parent_path(), done.error()));
-  const json told{
-      {"data", path_in_json(folder)}, {"made", to_utc(content->made)}, {"files", content->parts.size()}};
+  const auto needs_keys = is_secured(folder);
+  if (!needs_keys) return tl::unexpected(needs_keys.error());
+  const json told{{"data", path_in_json(folder)},
+                  {"made", to_utc(content->made)},
+                  {"files", content->parts.size()},
+                  {"secured", *needs_keys}};
   if (as_json) {
     std::printf("%s\n", json_text(told, 2).c_str());
   } else {
-    std::printf("%s: %zu files of the backup of %s; start the server with --store %s\n",
-                one_line(folder.string()).c_str(), content->parts.size(), to_utc(content->made).c_str(),
-                one_line(folder.string()).c_str());
+    std::printf("%s: %zu files of the backup of %s\n", one_line(folder.string()).c_str(),
+                content->parts.size(), to_utc(content->made).c_str());
+    print_next_step(folder, *needs_keys);
   }
   return {};
 }
@@ -286,7 +323,7 @@ void describe_store(CLI::App* app, AccessAction* action, LocalAction* local) {
   CLI::App* out = app->add_subcommand(
       "backup",
       "all maps, deleted ones too, with labels, tags, rights and audit log into one file, while the "
-      "server runs. It holds images: its owner only may read it");
+      "server runs. It holds images: its owner only may read it. It holds no keys and no configuration");
   out->add_option("FILE", words->file, "that is not there yet; `tar tf` lists it")->required();
   out->footer(kFooter);
   out->callback([action, words] {

@@ -15,6 +15,7 @@
 #include "common/wire/peers.h"
 #include "common/wire/refused_peers.h"
 #include "server/access/principal.h"
+#include "server/access/rights.h"
 #include "server/endpoint/refusals.h"
 #include "server/endpoint/tries.h"
 #include "server/keys/site_keys.h"
@@ -44,6 +45,11 @@ class Doorkeeper {
   /// Who wears the camera of that client: as its keys say in a secured site, as it claims in an open one.
   [[nodiscard]] std::string wearer_of(const std::string& client, const std::string& claimed) const {
     return keys_.is_secured() ? keys_.wearer_of(client) : claimed;
+  }
+
+  /// The clients that have keys, and the groups that these name; nothing in an open site.
+  [[nodiscard]] std::optional<GroupsOfClients> groups_of_clients() const {
+    return keys_.is_secured() ? std::optional(keys_.groups_of_clients()) : std::nullopt;
   }
 
   [[nodiscard]] bool is_turned_away(IdentityRole role, const std::string& name) const {

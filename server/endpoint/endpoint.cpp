@@ -90,7 +90,9 @@ Endpoint::Endpoint(const ServiceOptions& options, MapService::Executors executor
       look_for_gone_at_(clock_->now() + kLookForGone),
       service_(
           options, executors, store, site, *this, [this](Task task) { post(std::move(task)); },
-          std::move(log)) {}
+          std::move(log)) {
+  site_.know_clients(door_.groups_of_clients());
+}
 
 void Endpoint::stop() {
   std::vector<Task> dropped;  // outside of the lock: what they hold may post
@@ -351,6 +353,7 @@ void Endpoint::look_who_is_at_the_door(MonotonicTime now) {
 }
 
 void Endpoint::look_who_is_turned_away() {
+  site_.know_clients(door_.groups_of_clients());
   const auto is_turned_away = [this](const std::string& client) {
     return door_.is_turned_away(IdentityRole::kClient, client);
   };

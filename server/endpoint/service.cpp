@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <future>
 #include <random>
 #include <utility>
 
@@ -25,15 +26,30 @@ namespace {
 constexpr int kBackgroundNice = 10;
 constexpr int kIdleNice = 19;
 
+struct KeysOfSite {
+  SiteKeys clients;
+  std::string authority;  ///< empty: an open site has none
+};
+
 /// Before maps are read, which takes time.
-Result<SiteKeys> read_keys(const ServiceOptions& options, const Logger& log) {
-  if (options.security.empty()) return SiteKeys();
+Result<KeysOfSite> read_keys(const ServiceOptions& options, const Logger& log) {
+  if (options.security.empty()) return KeysOfSite{};
   if (const auto name = wire::secured_name(options.security, "server", ""); !name)
     return tl::unexpected(name.error());
   const auto keys = wire::read_security(options.security);
   if (!keys) return tl::unexpected(keys.error());
   log->info("a secured site: the keys of server {} are good until {}", keys->name, to_utc(keys->expires));
-  return SiteKeys::read(options.security);
+  auto clients = SiteKeys::read(options.security);
+  if (!clients) return tl::unexpected(clients.error());
+  return KeysOfSite{*std::move(clients), keys->authority};
+}
+
+/// Once all else of the start is done: of a start that fails nobody reads what it says, and it is said once.
+Status look_whose_store_it_is(Executor& site_changes, SiteAccess* site, const std::string& authority) {
+  if (authority.empty()) return {};
+  std::promise<Status> known;
+  site_changes.submit([&] { known.set_value(site->know_authority(authority)); }, Urgency::kUrgent);
+  return known.get_future().get();
 }
 
 }  // namespace
@@ -124,10 +140,12 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   }
   const MapService::Executors executors{state->urgent, state->background, state->queries, state->idle,
                                         state->site_changes};
-  auto endpoint = Endpoint::start(known, executors, state->store.get(), *state->site, *std::move(keys),
-                                  std::move(restored), std::move(log));
+  auto endpoint = Endpoint::start(known, executors, state->store.get(), *state->site,
+                                  std::move(keys->clients), std::move(restored), std::move(log));
   if (!endpoint) return tl::unexpected(endpoint.error());
   state->endpoint = std::move(*endpoint);
+  if (Status known = look_whose_store_it_is(state->site_changes, state->site.get(), keys->authority); !known)
+    return tl::unexpected(known.error());
   return std::unique_ptr<Service>(new Service(std::move(state)));
 }
 

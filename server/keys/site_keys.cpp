@@ -37,6 +37,14 @@ std::string SiteKeys::wearer_of(const std::string& client) const {
   return known == identities_.end() ? std::string() : known->second.wearer;
 }
 
+std::map<std::string, std::set<std::string>> SiteKeys::groups_of_clients() const {
+  std::map<std::string, std::set<std::string>> groups;
+  for (const auto& [key, identity] : identities_) {
+    if (identity.role == IdentityRole::kClient && !identity.revoked) groups[identity.name] = identity.groups;
+  }
+  return groups;
+}
+
 std::optional<SiteKeys::Version> SiteKeys::version_now() const {
   struct stat status {};
   if (stat(register_file_.c_str(), &status) != 0) return std::nullopt;

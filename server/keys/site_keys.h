@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -30,6 +31,9 @@ class SiteKeys {
   [[nodiscard]] std::optional<Duty> duty_of(const std::string& operator_name) const;
   /// Who wears the camera of that client; empty: nobody, or the register knows no such client.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
+
+  /// The clients that have keys, and the groups that these name.
+  [[nodiscard]] std::map<std::string, std::set<std::string>> groups_of_clients() const;
 
   /// Reads the register again if its file is another than before, which costs a look at its name only. True:
   /// somebody else has keys now. After an error, which it repeats until the file is good, all stays as it

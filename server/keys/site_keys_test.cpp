@@ -43,6 +43,22 @@ TEST_F(SiteKeysTest, GoByRoleAndName) {
   EXPECT_EQ(keys.duty_of("phone-1"), std::nullopt);
 }
 
+TEST_F(SiteKeysTest, SayWhichClientsHaveKeysAndTheirGroups) {
+  add(IdentityRole::kClient, "phone-1", true);
+  add(IdentityRole::kOperator, "ann", false);
+  identities_[{IdentityRole::kClient, "hand-9"}] = {.role = IdentityRole::kClient,
+                                                    .name = "hand-9",
+                                                    .groups = {"crew"},
+                                                    .rig = {},
+                                                    .wearer = {},
+                                                    .issues = {},
+                                                    .revoked = {}};
+  add(IdentityRole::kClient, "phone-2", false);
+  const SiteKeys keys = SiteKeys::read(folder_.path()).value();
+  using Groups = std::map<std::string, std::set<std::string>>;
+  EXPECT_EQ(keys.groups_of_clients(), (Groups{{"hand-9", {"crew"}}, {"phone-2", {}}}));
+}
+
 TEST_F(SiteKeysTest, AnOpenSiteTurnsNobodyAway) {
   SiteKeys keys;
   EXPECT_FALSE(keys.is_secured());

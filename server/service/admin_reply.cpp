@@ -26,7 +26,9 @@ json describe(const told::Piece&) {
 }
 
 json describe(const told::Done& done) {
-  return {{"done", done.what}};
+  json content{{"done", done.what}};
+  if (!done.note.empty()) content["note"] = done.note;
+  return content;
 }
 
 json describe(const told::GonePart&) {

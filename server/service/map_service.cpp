@@ -117,7 +117,7 @@ void MapService::on_map_gone(MapId map, bool was_shown) {
 
 void MapService::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
-  if (context_.site.has_expired()) enforce_rights(context_, clients_, news_);
+  if (context_.site.has_changed()) enforce_rights(context_, clients_, news_);
   clients_.tell_status({context_.options.server, context_.options.start_count, std::string(version()),
                         health_.words(), static_cast<uint32_t>(sessions_.live_count(now)),
                         static_cast<uint32_t>(maps_.array().live_count()),

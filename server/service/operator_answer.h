@@ -29,7 +29,8 @@ namespace told {
 
 struct Nothing {};  ///< it is done
 struct Done {
-  std::string what;  ///< for a person
+  std::string what;       ///< for a person
+  std::string note = {};  ///< what may not be as it was meant, for a person; may be empty
 };
 
 // Of the server.
@@ -230,6 +231,8 @@ struct ExplainedRights {
   Ruling ruling;
   std::vector<RuleSeen> rules;
   Ruling creating;
+  std::vector<Membership> groups;
+  std::string note;  ///< as of Done
 };
 struct Audit {
   std::vector<AuditEntry> entries;

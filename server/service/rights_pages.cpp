@@ -97,6 +97,10 @@ json describe(const told::ExplainedRights& explained) {
   if (ruling.expires) content["until"] = to_utc(*ruling.expires);
   json& rules = content["rules"] = json::array();
   for (const RuleSeen& seen : explained.rules) rules.push_back(describe(seen));
+  json& groups = content["groups"] = json::array();
+  for (const Membership& member : explained.groups)
+    groups.push_back({{"group", member.group}, {"by_rights", member.by_rights}, {"by_keys", member.by_keys}});
+  if (!explained.note.empty()) content["note"] = explained.note;
   content["create"] = explained.creating.right != Right::kNone;
   content["create_reason"] = explained.creating.reason;
   return content;

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <variant>
+#include <vector>
 
+#include "common/base/overloaded.h"
+#include "common/base/suggestion.h"
 #include "common/base/utc.h"
 
 namespace cairn {
@@ -218,7 +221,55 @@ struct Changer {
   }
 };
 
+/// Whom a rule is to be about. What is taken back names nobody who would have to be there.
+std::vector<Subject> named_in(const asked::ChangeRights& ask) {
+  using Named = std::vector<Subject>;
+  const auto one = [](const std::string& words) {
+    const auto subject = parse_subject(words);
+    return subject ? Named{*subject} : Named{};
+  };
+  const Overloaded cases{[&](const asked::GrantRight& grant) { return one(grant.to); },
+                         [&](const asked::LetCreate& let) { return let.may ? one(let.to) : Named{}; },
+                         [&](const asked::BlockClient& block) { return one(block.client); },
+                         [](const asked::PutGroup& put) {
+                           Named members;
+                           for (const std::string& name : put.members)
+                             members.push_back({Subject::Kind::kClient, name});
+                           return members;
+                         },
+                         [](const auto&) { return Named{}; }};
+  return std::visit(cases, ask.what);
+}
+
+/// Empty: there is one.
+std::string note_on_client(const std::string& name, const KnownClients& known) {
+  if (known.names.contains(name)) return {};
+  return "nobody called '" + name + "' has " + (known.have_keys ? "keys here or has " : "") +
+         "connected since the server started" + did_you_mean(name, {known.names.begin(), known.names.end()});
+}
+
+std::string note_on_group(const std::string& name, const std::set<std::string>& groups) {
+  if (groups.contains(name)) return {};
+  return "no group is called '" + name + "' yet; `cairnctl rights group " + name + " CLIENT...` makes it" +
+         did_you_mean(name, {groups.begin(), groups.end()});
+}
+
 }  // namespace
+
+std::string note_on_names(const Rights& rights, const asked::ChangeRights& ask, const KnownClients& known) {
+  constexpr size_t kMostTold = 5;
+  std::vector<std::string> notes;
+  for (const Subject& subject : named_in(ask)) {
+    std::string note;
+    if (subject.kind == Subject::Kind::kClient) note = note_on_client(subject.name, known);
+    if (subject.kind == Subject::Kind::kGroup) note = note_on_group(subject.name, rights.groups());
+    if (!note.empty()) notes.push_back(std::move(note));
+  }
+  std::string told;
+  for (size_t i = 0; i < std::min(notes.size(), kMostTold); ++i) told += (i > 0 ? "; " : "") + notes[i];
+  if (notes.size() > kMostTold) told += "; and " + std::to_string(notes.size() - kMostTold) + " more";
+  return told;
+}
 
 Result<RightsChange> change_rights(const Rights& rights, const asked::ChangeRights& ask,
                                    const std::string& operator_name, const FindMap& find, Timestamp now) {
@@ -233,15 +284,19 @@ Result<RightsChange> change_rights(const Rights& rights, const asked::ChangeRigh
 }
 
 Result<told::ExplainedRights> explain_rights(const Rights& rights, const asked::ExplainRights& ask,
-                                             const FindMap& find, Timestamp now) {
+                                             const FindMap& find, const KnownClients& known, Timestamp now) {
   try {
     const NamedMap map = named(ask.map, find);
     const Subject client = taken(parse_subject(ask.client));
     if (client.kind != Subject::Kind::kClient)
       refuse(ErrorCode::kUsage, "an explanation is of one client, not of " + to_string(client));
-    return told::ExplainedRights{client.name, map.name, rights.rule(client.name, map.id, now),
+    return told::ExplainedRights{client.name,
+                                 map.name,
+                                 rights.rule(client.name, map.id, now),
                                  rights.explain(client.name, map.id, now),
-                                 rights.rule_on_creating(client.name)};
+                                 rights.rule_on_creating(client.name),
+                                 rights.memberships(client.name),
+                                 note_on_client(client.name, known)};
   } catch (const Refused& refused) {
     return tl::unexpected(refused.error);
   }

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -26,6 +27,13 @@ struct NamedMap {
 /// By name or id; nothing: there is none.
 using FindMap = std::function<std::optional<NamedMap>(const std::string& name_or_id)>;
 
+/// Which clients there are, so that a name that was mistyped is noticed. Rights for who comes later are
+/// possible.
+struct KnownClients {
+  std::set<std::string> names;  ///< that have keys, or have connected since the server started
+  bool have_keys = false;       ///< in a secured site
+};
+
 struct RightsChange {
   Rights rights;     ///< as they are to be
   AuditEntry entry;  ///< who changed them, and how
@@ -36,9 +44,15 @@ struct RightsChange {
                                                  const std::string& operator_name, const FindMap& find,
                                                  Timestamp now);
 
+/// Of whom a request names, those that nobody knows, for a person; empty: all are known. `rights`: as they
+/// have become by it.
+[[nodiscard]] std::string note_on_names(const Rights& rights, const asked::ChangeRights& ask,
+                                        const KnownClients& known);
+
 /// What a client may do, and the rules that say so. Errors kUsage, kNotFound.
 [[nodiscard]] Result<told::ExplainedRights> explain_rights(const Rights& rights,
                                                            const asked::ExplainRights& ask,
-                                                           const FindMap& find, Timestamp now);
+                                                           const FindMap& find, const KnownClients& known,
+                                                           Timestamp now);
 
 }  // namespace cairn

@@ -32,12 +32,15 @@ class RightsVerbsTest : public ::testing::Test {
     if (!change) return change.error().message;
     rights_ = std::move(change->rights);
     entry_ = change->entry;
+    note_ = note_on_names(rights_, std::get<asked::ChangeRights>(asks->what), kKnown);
     return entry_.action + ": " + entry_.object;
   }
   [[nodiscard]] Ruling ruling(const std::string& client) const { return rights_.rule(client, kDesk, kNow); }
 
   Rights rights_{Right::kNone, false};
   AuditEntry entry_;
+  std::string note_;
+  const KnownClients kKnown{{"bob", "builder-1"}, false};
 };
 
 TEST_F(RightsVerbsTest, WhatIsGrantedCountsAndIsWrittenDown) {
@@ -177,16 +180,61 @@ TEST_F(RightsVerbsTest, WhatCannotBeIsRefusedAndChangesNothing) {
   EXPECT_EQ(rights_.table(), before);
 }
 
+TEST_F(RightsVerbsTest, ANameThatNobodyHasIsToldAndTheRuleHoldsAllTheSame) {
+  ask({{"verb", "rights-grant"}, {"to", "builder-l"}, {"map", "desk"}, {"right", "write"}});
+  EXPECT_EQ(note_,
+            "nobody called 'builder-l' has connected since the server started; did you mean builder-1?");
+  EXPECT_EQ(ruling("builder-l").right, Right::kWrite);
+  ask({{"verb", "client-block"}, {"client", "nobody"}});
+  EXPECT_THAT(note_, HasSubstr("'nobody'"));
+  ask({{"verb", "rights-create"}, {"to", "zoe"}, {"may", true}});
+  EXPECT_THAT(note_, HasSubstr("'zoe'"));
+  ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "write"}});
+  EXPECT_EQ(note_, "");
+  ask({{"verb", "rights-grant"}, {"to", "everyone"}, {"map", "desk"}, {"right", "read"}});
+  EXPECT_EQ(note_, "");
+  const auto explained = explain_rights(rights_, {"nobody", "desk"}, find, {{}, true}, kNow);
+  ASSERT_TRUE(explained);
+  EXPECT_EQ(content_of(*explained)["note"],
+            "nobody called 'nobody' has keys here or has connected since the server started");
+}
+
+TEST_F(RightsVerbsTest, AGroupThatIsNotThereYetIsToldWithTheRemedy) {
+  ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob", "eve"}}});
+  EXPECT_THAT(note_, HasSubstr("nobody called 'eve'")) << "of a member, too";
+  EXPECT_THAT(note_, testing::Not(HasSubstr("'bob'")));
+  ask({{"verb", "rights-grant"}, {"to", "group crew"}, {"map", "all"}, {"right", "read"}});
+  EXPECT_EQ(note_, "");
+  ask({{"verb", "rights-grant"}, {"to", "group crw"}, {"map", "all"}, {"right", "read"}});
+  EXPECT_EQ(
+      note_,
+      "no group is called 'crw' yet; `cairnctl rights group crw CLIENT...` makes it; did you mean crew?");
+  rights_.set_groups_of_keys({{"hand-9", {"crw"}}});
+  ask({{"verb", "rights-grant"}, {"to", "group crw"}, {"map", "all"}, {"right", "read"}});
+  EXPECT_EQ(note_, "") << "a group of keys is one";
+}
+
+TEST_F(RightsVerbsTest, AnExplanationSaysWhatGroupsTheClientIsInAndWhatSaysSo) {
+  ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob"}}});
+  rights_.set_groups_of_keys({{"bob", {"night"}}});
+  const auto explained = explain_rights(rights_, {"bob", "desk"}, find, kKnown, kNow);
+  ASSERT_TRUE(explained);
+  const json said = content_of(*explained);
+  EXPECT_FALSE(said.contains("note"));
+  EXPECT_EQ(said["groups"], json::array({{{"group", "crew"}, {"by_rights", true}, {"by_keys", false}},
+                                         {{"group", "night"}, {"by_rights", false}, {"by_keys", true}}}));
+}
+
 TEST_F(RightsVerbsTest, AnExplanationSaysWhatDecides) {
   ask({{"verb", "rights-grant"}, {"to", "everyone"}, {"map", "all"}, {"right", "read"}});
   ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "manage"}});
-  const auto explained = explain_rights(rights_, {"bob", "desk"}, find, kNow);
+  const auto explained = explain_rights(rights_, {"bob", "desk"}, find, kKnown, kNow);
   ASSERT_TRUE(explained) << explained.error().message;
   const json said = content_of(*explained);
   EXPECT_EQ(said["right"], "manage");
   EXPECT_EQ(said["rules"][0], (json{{"rule", "client bob, this map: manage"}, {"part", "decides"}}));
   EXPECT_EQ(said["rules"][1]["part"], "is outweighed");
-  EXPECT_FALSE(explain_rights(rights_, {"group crew", "desk"}, find, kNow));
+  EXPECT_FALSE(explain_rights(rights_, {"group crew", "desk"}, find, kKnown, kNow));
 }
 
 TEST_F(RightsVerbsTest, AllRulesAreShown) {

@@ -72,6 +72,11 @@ Status secure(Opened* opened, Timestamp now, const Logger& log) {
   return {};
 }
 
+/// Of a fingerprint, so much that a person can compare it.
+std::string short_of(const std::string& fingerprint) {
+  return fingerprint.substr(0, 16);
+}
+
 /// Out of the way; the path under which it is kept.
 fs::path set_aside(const fs::path& path, Timestamp now) {
   fs::path aside = path.parent_path() / "damaged" / ("site-" + std::to_string(now.nanoseconds) + ".db");
@@ -120,9 +125,40 @@ Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, Sit
               std::make_shared<SiteFile>(std::move(opened->file)), opened->secured_since, std::move(trouble));
 }
 
-void SiteAccess::put_in_force(const Rights& rights) {
-  policy_->put(rights);
+Status SiteAccess::know_authority(const std::string& fingerprint) {
+  if (file_ == nullptr) return {};
+  const auto before = file_->authority();
+  if (!before) return tl::unexpected(before.error());
+  if (*before == fingerprint) return {};
+  if (!*before) return file_->keep_authority(fingerprint, std::nullopt);
+  const std::string what = "keys of another authority (" + short_of(fingerprint) +
+                           ") than the one that it was "
+                           "last used with (" +
+                           short_of(**before) + ")";
+  log_->warn(
+      "the store belongs to another site: it is started with {}. Its rights hold for whoever has the same "
+      "names "
+      "here. `cairnctl rights` shows them, and `cairnctl rights revoke` takes grants back. If this is the "
+      "same "
+      "site on another machine, start the server with the security folder that it had, and use the keys that "
+      "there are, instead of `cairnctl keys init` (deploy/SECURED.md, On another machine)",
+      what);
+  return file_->keep_authority(fingerprint, AuditEntry{0, policy_->now(), "server", "other keys", {}, what});
+}
+
+void SiteAccess::know_clients(std::optional<GroupsOfClients> clients) {
+  if (clients_ == clients) return;
+  clients_ = std::move(clients);
+  has_other_groups_ = true;
+  newest_.set_groups_of_keys(clients_.value_or(GroupsOfClients{}));
+  put_in_force(policy_->rights());
+}
+
+/// With the groups of the keys as they are now: they may have changed while it was kept.
+void SiteAccess::put_in_force(Rights rights) {
+  rights.set_groups_of_keys(clients_.value_or(GroupsOfClients{}));
   next_expiry_ = rights.next_expiry(policy_->now());
+  policy_->put(std::move(rights));
 }
 
 void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)> done) {
@@ -198,9 +234,10 @@ void SiteAccess::find(AuditQuery query, std::function<void(Result<std::vector<Au
   });
 }
 
-bool SiteAccess::has_expired() {
+bool SiteAccess::has_changed() {
   const Timestamp now = policy_->now();
-  if (!next_expiry_ || *next_expiry_ > now) return false;
+  const bool has_other_groups = std::exchange(has_other_groups_, false);
+  if (!next_expiry_ || *next_expiry_ > now) return has_other_groups;
   next_expiry_ = policy_->rights().next_expiry(now);
   return true;
 }

@@ -41,6 +41,10 @@ class SiteAccess {
   [[nodiscard]] static Result<std::unique_ptr<SiteAccess>> open(const std::filesystem::path& folder,
                                                                 SiteKind kind, Clock clock,
                                                                 const Logger& log);
+  /// Of a secured site, as a task of `site`: the fingerprint of the authority that its keys are of. Where the
+  /// store was last used with keys of another, that is said this once, in the log and on record, with what to
+  /// do. Errors: kDamaged, kIo.
+  [[nodiscard]] Status know_authority(const std::string& fingerprint);
   /// Before anything of what follows.
   void run_by(Executors executors) { executors_.emplace(std::move(executors)); }
 
@@ -70,8 +74,14 @@ class SiteAccess {
   /// Error kRefused: nothing is kept.
   void find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done);
 
-  /// Whether a ruling has changed by itself since this was asked last: a grant has expired.
-  [[nodiscard]] bool has_expired();
+  /// Which clients have keys, and the groups that these name, which count in rights from now on; nothing: an
+  /// open site, where nobody has any.
+  void know_clients(std::optional<GroupsOfClients> clients);
+  [[nodiscard]] const std::optional<GroupsOfClients>& clients_with_keys() const { return clients_; }
+
+  /// Whether a ruling may have changed since this was asked last without an operator's word: a grant has
+  /// expired, or keys name other groups.
+  [[nodiscard]] bool has_changed();
 
  private:
   SiteAccess(std::shared_ptr<RightsPolicy> policy, std::shared_ptr<SiteFile> file,
@@ -83,7 +93,7 @@ class SiteAccess {
         trouble_(std::move(trouble)),
         log_(std::move(log)),
         next_expiry_(newest_.next_expiry(policy_->now())) {}
-  void put_in_force(const Rights& rights);
+  void put_in_force(Rights rights);
 
   std::shared_ptr<RightsPolicy> policy_;
   Rights newest_;
@@ -93,6 +103,8 @@ class SiteAccess {
   Logger log_;
   std::optional<Executors> executors_;
   std::optional<Timestamp> next_expiry_;
+  std::optional<GroupsOfClients> clients_;  ///< that have keys
+  bool has_other_groups_ = false;           ///< since has_changed() said so
 };
 
 }  // namespace cairn

@@ -3,10 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <deque>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "common/io/test_directory.h"
 #include "server/service/by_hand.h"
@@ -16,6 +19,7 @@ namespace {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr int64_t kSecond = 1'000'000'000;
 const MapId kDesk{{1}};
@@ -67,6 +71,7 @@ class SiteAccessTest : public ::testing::Test {
   ByHand executor_{&of_executor_};
   ByHand service_{&of_service_};
   std::vector<bool> kept_;
+  std::vector<std::string> audit_;
 };
 
 TEST_F(SiteAccessTest, ARightIsInForceOnceItIsKeptAndAfterTheNextStart) {
@@ -111,11 +116,55 @@ TEST_F(SiteAccessTest, AGrantThatExpiresIsToldOnce) {
   put(site.get(),
       {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "read"}, {"until", "2027-01-16"}});
   run();
-  EXPECT_FALSE(site->has_expired());
+  EXPECT_FALSE(site->has_changed());
   now_.nanoseconds += 86'400 * kSecond;
-  EXPECT_TRUE(site->has_expired());
-  EXPECT_FALSE(site->has_expired());
+  EXPECT_TRUE(site->has_changed());
+  EXPECT_FALSE(site->has_changed());
   EXPECT_EQ(right(*site), Right::kWrite);
+}
+
+TEST_F(SiteAccessTest, GroupsOfKeysCountAtOnceAndAlsoOnceAChangeThatWasUnderWayIsKept) {
+  const auto site = open(folder_, SiteKind::kSecured);
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "group crew"}, {"map", "desk"}, {"right", "read"}});
+  run();
+  EXPECT_EQ(right(*site), Right::kNone);
+  site->know_clients(GroupsOfClients{{"bob", {"crew"}}});
+  EXPECT_EQ(right(*site), Right::kRead);
+  EXPECT_TRUE(site->has_changed());
+  EXPECT_FALSE(site->has_changed());
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "group crew"}, {"map", "desk"}, {"right", "add"}});
+  site->know_clients(GroupsOfClients{{"bob", {}}});
+  EXPECT_EQ(right(*site), Right::kNone);
+  run();
+  EXPECT_EQ(right(*site), Right::kNone) << "of the keys of before";
+  site->know_clients(GroupsOfClients{{"bob", {"crew"}}});
+  EXPECT_EQ(right(*site), Right::kAdd);
+}
+
+TEST_F(SiteAccessTest, AStoreOfAnotherSiteIsToldOnceWithTheRemedy) {
+  std::ostringstream said;
+  const auto start = [&](const char* authority) {
+    said.str("");
+    auto sink = std::make_shared<spdlog::sinks::ostream_sink_mt>(said);
+    auto site = SiteAccess::open(
+        folder_, SiteKind::kSecured, [this] { return now_; }, std::make_shared<spdlog::logger>("", sink));
+    ASSERT_TRUE(site);
+    EXPECT_TRUE((*site)->know_authority(authority));
+    (*site)->run_by({executor_, [this](Task task) { service_.submit(std::move(task)); }});
+    audit_ = audit(site->get());
+  };
+  start("aaaa");
+  EXPECT_THAT(said.str(), Not(HasSubstr("another site"))) << "the first that it sees";
+  start("aaaa");
+  EXPECT_THAT(said.str(), Not(HasSubstr("another site")));
+  start("bbbb");
+  EXPECT_THAT(said.str(), HasSubstr("the store belongs to another site"));
+  EXPECT_THAT(said.str(), HasSubstr("`cairnctl rights`"));
+  EXPECT_THAT(audit_.front(), HasSubstr("server other keys"));
+  start("bbbb");
+  EXPECT_THAT(said.str(), Not(HasSubstr("another site"))) << "once";
+  start("aaaa");
+  EXPECT_THAT(said.str(), HasSubstr("another site"));
 }
 
 TEST_F(SiteAccessTest, RightsThatCannotBeReadCloseTheSiteAlsoAtTheNextStart) {

@@ -48,13 +48,22 @@ std::optional<NamedMap> SiteAdministration::named_map(const std::string& name_or
   return NamedMap{id, entry->name, bounds_of(*entry)};
 }
 
+KnownClients SiteAdministration::known_clients() const {
+  const std::optional<GroupsOfClients>& with_keys = context_.site.clients_with_keys();
+  KnownClients known{{}, with_keys.has_value()};
+  for (const auto& [name, client] : clients_.all()) known.names.insert(name);
+  for (const auto& [name, groups] : with_keys.value_or(GroupsOfClients{})) known.names.insert(name);
+  return known;
+}
+
 void SiteAdministration::take(const std::string& operator_name, const asked::ChangeRights& ask,
                               const AdminAnswer& answer) {
   const FindMap find = [this](const std::string& name) { return named_map(name); };
   SiteAccess& site = context_.site;
   auto change = change_rights(site.rights(), ask, operator_name, find, site.policy()->now());
   if (!change) return answer(refusal(change.error()));
-  told::Done done{change->entry.action + ": " + change->entry.object};
+  told::Done done{change->entry.action + ": " + change->entry.object,
+                  note_on_names(change->rights, ask, known_clients())};
   site.put(std::move(*change), [this, answer, done = std::move(done)](const Status& kept) {
     if (!kept) return answer(refusal(kept.error()));
     enforce_rights(context_, clients_, news_);
@@ -72,7 +81,7 @@ void SiteAdministration::take(const asked::Rights&, const AdminAnswer& answer) {
 void SiteAdministration::take(const asked::ExplainRights& ask, const AdminAnswer& answer) {
   const FindMap find = [this](const std::string& name) { return named_map(name); };
   const SiteAccess& site = context_.site;
-  const auto explained = explain_rights(site.rights(), ask, find, site.policy()->now());
+  const auto explained = explain_rights(site.rights(), ask, find, known_clients(), site.policy()->now());
   explained ? answer(*explained) : answer(refusal(explained.error()));
 }
 

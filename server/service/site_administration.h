@@ -7,6 +7,7 @@
 #include "server/service/admin_request.h"
 #include "server/service/map_news.h"
 #include "server/service/operator_answer.h"
+#include "server/service/rights_verbs.h"
 
 namespace cairn {
 
@@ -32,6 +33,7 @@ class SiteAdministration {
 
  private:
   [[nodiscard]] std::optional<NamedMap> named_map(const std::string& name_or_id);
+  [[nodiscard]] KnownClients known_clients() const;
 
   const ServiceContext& context_;
   MapArray& maps_;

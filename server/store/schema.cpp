@@ -42,6 +42,7 @@ constexpr std::array kSiteSteps{
     "CREATE TABLE audit(number INTEGER PRIMARY KEY, time INTEGER NOT NULL, who TEXT NOT NULL, "
     "action TEXT NOT NULL, object TEXT NOT NULL, outcome TEXT NOT NULL) STRICT;",
     "CREATE TABLE secured(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+    "CREATE TABLE authority(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
 };
 
 constexpr int32_t kMapApplication = 0x4361694D;        // CaiM

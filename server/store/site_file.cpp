@@ -106,6 +106,20 @@ Status SiteFile::keep_secured(std::string_view rights, const AuditEntry& entry) 
   return transaction->commit();
 }
 
+Result<std::optional<std::string>> SiteFile::authority() {
+  return text_in("authority");
+}
+
+Status SiteFile::keep_authority(std::string_view fingerprint, const std::optional<AuditEntry>& entry) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (Status done = put("authority", fingerprint); !done) return done;
+  if (entry) {
+    if (Status done = insert({&*entry, 1}); !done) return done;
+  }
+  return transaction->commit();
+}
+
 Status SiteFile::append(std::span<const AuditEntry> entries) {
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());

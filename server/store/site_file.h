@@ -54,6 +54,12 @@ class SiteFile {
   /// Secured from `entry.time` on, with these rights: durable with the entry, or not at all.
   [[nodiscard]] Status keep_secured(std::string_view rights, const AuditEntry& entry);
 
+  /// Of a secured site: the fingerprint of the authority whose keys it was last used with; nothing: of none
+  /// yet. Error kDamaged, as of rights().
+  [[nodiscard]] Result<std::optional<std::string>> authority();
+  /// Durable with the entry, if there is one, or not at all.
+  [[nodiscard]] Status keep_authority(std::string_view fingerprint, const std::optional<AuditEntry>& entry);
+
   /// Durable on return.
   [[nodiscard]] Status append(std::span<const AuditEntry> entries);
   /// The newest first.

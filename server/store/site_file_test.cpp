@@ -56,6 +56,20 @@ TEST_F(SiteFileTest, WhatWasKeptIsThereAtTheNextStart) {
   EXPECT_EQ(entries->at(0), (AuditEntry{2, {2}, "operator ann", "rights revoke", "client bob", "done"}));
 }
 
+TEST_F(SiteFileTest, WhoseKeysItWasUsedWithIsKept) {
+  {
+    SiteFile file = open();
+    EXPECT_EQ(*file.authority(), std::nullopt);
+    ASSERT_TRUE(file.keep_authority("aaaa", std::nullopt));
+  }
+  SiteFile file = open();
+  EXPECT_EQ(*file.authority(), "aaaa");
+  EXPECT_THAT(times(&file, {}), IsEmpty());
+  ASSERT_TRUE(file.keep_authority("bbbb", entry(7, "server", "other keys")));
+  EXPECT_EQ(*file.authority(), "bbbb");
+  EXPECT_THAT(times(&file, {}), ElementsAre(7));
+}
+
 TEST_F(SiteFileTest, EntriesAreFoundByWhoActionObjectAndTimeTheNewestFirst) {
   SiteFile file = open();
   const std::vector<AuditEntry> entries{entry(10, "operator ann", "rights grant", "client bob"),

@@ -73,8 +73,10 @@ class Security(OnTheDesk):
     def test_the_people_of_a_site(self):
         self.nobody_may_anything_at_first()
         self.a_builder_makes_a_map_that_a_reader_only_reads()
+        self.groups_of_keys_count_and_mistyped_names_are_told()
         self.strangers_see_nothing()
         self.who_is_revoked_is_cut_off()
+        self.a_backup_goes_on_elsewhere_with_the_keys_that_there_are()
         self.keys_that_do_not_fit_are_refused_with_the_remedy()
 
     def nobody_may_anything_at_first(self):
@@ -99,6 +101,38 @@ class Security(OnTheDesk):
         self.assertEqual(self.ctl("labels", "desk"), [])
         proven = {c["name"]: c["proven"] for c in self.ctl("clients")}
         self.assertEqual(proven, {"builder-1": True, "builder-2": True, "reader": True})
+
+    def groups_of_keys_count_and_mistyped_names_are_told(self):
+        self.keys("issue", "client", "hand-9", "--groups", "crew")
+        deadline = time.monotonic() + LIMIT  # the server looks at its register now and then
+        while not (explained := self.ctl("rights", "explain", "hand-9", "desk"))["groups"]:
+            self.assertLess(time.monotonic(), deadline)
+        self.assertNotIn("note", explained)
+        self.assertNotIn("note", self.ctl("rights", "grant", "group crew", "all", "read"))
+        explained = self.ctl("rights", "explain", "hand-9", "desk")
+        self.assertEqual((explained["right"], explained["groups"]), ("read", [{"group": "crew", "by_rights": False, "by_keys": True}]))
+        self.assertIn("did you mean builder-1?", self.ctl("rights", "grant", "builder-l", "desk", "none")["note"])
+        self.assertIn("has keys here", self.ctl("clients", "block", "nobody")["note"])
+        self.assertIn("did you mean crew?", self.ctl("rights", "grant", "group crw", "all", "read")["note"])
+        self.ctl("clients", "unblock", "nobody")
+        for who, which in (("builder-l", "desk"), ("group crw", "all")):
+            self.ctl("rights", "revoke", who, which)
+
+    def a_backup_goes_on_elsewhere_with_the_keys_that_there_are(self):
+        backup, there = self.folder / "monday.tar", self.folder / "there"
+        self.ctl("backup", backup)
+        self.assertTrue(self.ctl("restore", backup, "--data", there)["secured"])
+        said = subprocess.run(command("cairnctl", "restore", backup, "--data", self.folder / "again"), check=True, capture_output=True,
+                              text=True, timeout=LIMIT).stdout
+        self.assertIn(f"--store {self.folder / 'again'} --security DIR", said)
+        ours = ServerProcess("--store", there, "--security", self.folder_of("server", "server"))
+        ours.__exit__()
+        self.assertNotIn("another site", ours.said)
+        self.keys("issue", "server", keystore="foreign")
+        foreign = ("--store", there, "--security", self.folder_of("server", "server", keystore="foreign"))
+        for times in (1, 0):
+            with ServerProcess(*foreign) as theirs:
+                self.assertEqual(theirs.said.count("the store belongs to another site"), times, theirs.said)
 
     def strangers_see_nothing(self):
         self.sees_nothing("--name", "reader")
