@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
 #include <type_traits>
 
 #include "common/base/overloaded.h"
@@ -120,6 +121,22 @@ Status OptionList::check() const {
     if (as_number(low.value) <= as_number(high.value)) continue;
     return fail(ErrorCode::kConfiguration, fmt::format("{} is {}, more than {}, which is {}", smaller,
                                                        option_text(low), larger, option_text(high)));
+  }
+  return {};
+}
+
+Status OptionList::check_complete() const {
+  std::set<const void*> listed;
+  for (const Row& row : rows_) std::visit([&](const auto* value) { listed.insert(value); }, row.value);
+  if (listed.size() != rows_.size()) return fail(ErrorCode::kInternal, "one member is listed as two options");
+  if (const size_t count = rows_.size() + parts_.size(); members_ != 0 && count != members_) {
+    return fail(ErrorCode::kInternal,
+                fmt::format("{} options and parts are listed, the struct has {}", count, members_));
+  }
+  for (const auto& [name, part] : parts_) {
+    if (part.members_ == 0) return fail(ErrorCode::kInternal, name + ": its members are not counted");
+    if (const Status checked = part.check_complete(); !checked)
+      return fail(checked.error().code, name + ": " + checked.error().message);
   }
   return {};
 }

@@ -18,6 +18,11 @@ namespace cairn {
 /// components read their structs.
 class OptionList {
  public:
+  /// Of no struct: a heading for parts.
+  OptionList() = default;
+  /// Of a struct that has so many options and parts: member_count(), but for members that are no option.
+  explicit OptionList(size_t members) : members_(members) {}
+
   using Value = std::variant<bool*, int*, uint64_t*, float*, double*, std::chrono::milliseconds*>;
   /// Of a value, both ends included as the option's type has them [unit of the option].
   struct Range {
@@ -49,8 +54,12 @@ class OptionList {
   /// kConfiguration names the first option out of its range, with its part, its value and the range:
   /// "motion.decay is 2: expected 0 to 1".
   [[nodiscard]] Status check() const;
+  /// Whether each member is listed once, in all parts: kInternal names the first part that lacks some, or has
+  /// one twice. For tests; a list of no struct has no members.
+  [[nodiscard]] Status check_complete() const;
 
  private:
+  size_t members_ = 0;
   std::vector<Row> rows_;
   std::vector<std::pair<std::string, OptionList>> parts_;
   std::vector<std::pair<std::string, std::string>> orders_;

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "common/base/member_count.h"
 #include "common/base/option_yaml.h"
 
 namespace cairn {
@@ -28,7 +30,7 @@ struct EyeOptions {
 };
 
 OptionList list_options(LensOptions* o) {
-  OptionList list;
+  OptionList list(member_count<LensOptions>());
   list.add("radius", &o->radius, {0, 1}, "px");
   list.add("cutoff", &o->cutoff, {0, 1}, "s");
   list.add("is_round", &o->is_round);
@@ -36,7 +38,7 @@ OptionList list_options(LensOptions* o) {
 }
 
 OptionList list_options(EyeOptions* o) {
-  OptionList list;
+  OptionList list(member_count<EyeOptions>());
   list.add("blinks", &o->blinks, {0, 100});
   list.add("most_blinks", &o->most_blinks, {0, 100});
   list.add_order("blinks", "most_blinks");
@@ -120,6 +122,35 @@ TEST(OptionList, RefusesWhatIsOutOfItsRange) {
   ASSERT_FALSE(checked);
   EXPECT_EQ(checked.error().message, "lens.radius is nan: expected 0 to 1 [px]");
   EXPECT_EQ(checked.error().code, ErrorCode::kConfiguration);
+}
+
+TEST(MemberCount, CountsWhatBracesTake) {
+  struct Empty {};
+  struct Nested {
+    EyeOptions eye;
+    std::array<double, 3> radii{};
+    milliseconds wait{};
+    bool is_on = false;
+  };
+  static_assert(member_count<Empty>() == 0);
+  static_assert(member_count<LensOptions>() == 3);
+  static_assert(member_count<EyeOptions>() == 5);
+  static_assert(member_count<Nested>() == 4);
+}
+
+TEST(OptionList, AMemberThatIsNotListedIsFound) {
+  EyeOptions eye;
+  EXPECT_TRUE(list_options(&eye).check_complete());
+  OptionList lacking(member_count<LensOptions>());
+  lacking.add("radius", &eye.lens.radius, {0, 1}).add("is_round", &eye.lens.is_round);
+  ASSERT_FALSE(lacking.check_complete());
+  EXPECT_EQ(OptionList().add_part("lens", lacking).check_complete().error().message,
+            "lens: 2 options and parts are listed, the struct has 3");
+  lacking.add("cutoff", &eye.lens.radius, {0, 1});
+  EXPECT_FALSE(lacking.check_complete()) << "twice the same";
+  EXPECT_FALSE(
+      OptionList().add_part("lens", OptionList().add("radius", &eye.lens.radius, {0, 1})).check_complete())
+      << "nobody has counted";
 }
 
 }  // namespace

@@ -52,45 +52,40 @@ MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const s
 }
 
 /// Judging takes several adjustments: only the cameras with most new keyframes, if it is worth it.
-void choose_judged(const MapState& map, MapProblem* problem) {
-  constexpr size_t kMostJudged = 2;
+void choose_judged(const MapState& map, const SelfCalibrationOptions& options, MapProblem* problem) {
   std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, place
   for (size_t i = 0; i < problem->cameras.size(); ++i) {
     const CutCamera& cut = problem->cameras[i];
     const MapCamera& camera = map.cameras()[static_cast<size_t>(cut.index)];
     problem->bundle.free_cameras[i].judge = false;
-    if (is_worth_judging(camera, cut.keyframes))
+    if (is_worth_judging(camera, cut.keyframes, options))
       ranked.emplace_back(
           static_cast<ptrdiff_t>(camera.judged_keyframes) - static_cast<ptrdiff_t>(cut.keyframes.made), i);
   }
   std::sort(ranked.begin(), ranked.end());
-  ranked.resize(std::min(ranked.size(), kMostJudged));
+  ranked.resize(std::min<size_t>(ranked.size(), options.most_judged));
   for (const auto& [rank, i] : ranked) problem->bundle.free_cameras[i].judge = true;
 }
 
 /// By camera of the map: those that an adjustment moves. Few at a time, those with most new keyframes: each
 /// is a border of the reduced system, and a map may have 64 whose clients have long gone.
-std::vector<bool> choose_free(const MapState& map) {
-  constexpr size_t kFewestKeyframes = 3;
-  constexpr size_t kMostFree = 4;
+std::vector<bool> choose_free(const MapState& map, const SelfCalibrationOptions& options) {
   std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, camera
   for (size_t i = 0; i < map.cameras().size(); ++i) {
     const MapCamera& c = map.cameras()[i];
     const KeyframeCount count = map.keyframes_of(static_cast<int>(i));
-    if (!c.frozen && count.live >= kFewestKeyframes)
+    if (!c.frozen && count.live >= options.fewest_to_move)
       ranked.emplace_back(static_cast<ptrdiff_t>(c.judged_keyframes) - static_cast<ptrdiff_t>(count.made), i);
   }
   std::sort(ranked.begin(), ranked.end());
-  ranked.resize(std::min(ranked.size(), kMostFree));
+  ranked.resize(std::min<size_t>(ranked.size(), options.most_free));
   std::vector<bool> free(map.cameras().size(), false);
   for (const auto& [rank, i] : ranked) free[i] = true;
   return free;
 }
 
-void free_cameras(const MapState& map, MapProblem* problem) {
-  constexpr size_t kFewestForDistortion = 6;
-  constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of an image of 60 degrees
-  const std::vector<bool> is_free = choose_free(map);
+void free_cameras(const MapState& map, const SelfCalibrationOptions& options, MapProblem* problem) {
+  const std::vector<bool> is_free = choose_free(map, options);
   std::vector<int> free_index;
   for (size_t i = 0; i < map.cameras().size(); ++i) {
     const MapCamera& c = map.cameras()[i];
@@ -99,9 +94,7 @@ void free_cameras(const MapState& map, MapProblem* problem) {
     if (!is_free[i]) continue;
     problem->cameras.push_back(cut);
     Intrinsics prior_sigma = c.prior_sigma;
-    // Over few views, most of all of a plane, distortion makes up for a wrong focal length: one after the
-    // other.
-    if (cut.keyframes.made < kFewestForDistortion) prior_sigma[1] = kHeld;
+    if (cut.keyframes.made < options.fewest_for_distortion) prior_sigma[1] = options.held_k1_sigma;
     problem->bundle.free_cameras.push_back({.camera = c.camera,
                                             .prior_mean = c.prior_mean,
                                             .prior_sigma = prior_sigma,
@@ -111,7 +104,7 @@ void free_cameras(const MapState& map, MapProblem* problem) {
     const int camera = map.keyframe(problem->keyframes[i]).estimated_camera;
     if (camera >= 0) problem->bundle.poses[i].free_camera = free_index[static_cast<size_t>(camera)];
   }
-  choose_judged(map, problem);
+  choose_judged(map, options, problem);
 }
 
 void fix_gauge(MapProblem* problem) {
@@ -120,16 +113,15 @@ void fix_gauge(MapProblem* problem) {
   if (!any && !poses.empty()) poses.front().fixed = true;
 }
 
-void drop_outliers(const MapProblem& solved, double squared_cutoff, MapState* map) {
-  // What disagrees may be right and the camera wrong: the robust cost leaves it out, and takes it in again
-  // when the camera has moved.
-  constexpr double kForbearance = 3 * 3;
+/// What disagrees with a camera that is not known yet may be right and the camera wrong: the robust cost
+/// leaves it out, and takes it in again when the camera has moved (`forbearance`).
+void drop_outliers(const MapProblem& solved, double squared_cutoff, double forbearance, MapState* map) {
   const std::vector<double> residuals = squared_residuals(solved.bundle);
   for (size_t i = 0; i < residuals.size(); ++i) {
     if (residuals[i] < squared_cutoff) continue;
     const BundleObservation& o = solved.bundle.observations[i];
     const KeyframeId keyframe = solved.keyframes[static_cast<size_t>(o.pose)];
-    if (residuals[i] < kForbearance * squared_cutoff && !map->has_known_camera(map->keyframe(keyframe)))
+    if (residuals[i] < forbearance * squared_cutoff && !map->has_known_camera(map->keyframe(keyframe)))
       continue;
     const PointId point = solved.points[static_cast<size_t>(o.point)];
     if (map->find_measurement(keyframe, point)) map->drop_measurement(keyframe, point);
@@ -269,7 +261,7 @@ MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours)
   return problem;
 }
 
-MapProblem global_problem(const MapState& map) {
+MapProblem global_problem(const MapState& map, const SelfCalibrationOptions& options) {
   std::vector<bool> moves(map.keyframes().size(), true);
   moves[kFirstKeyframe.value - 1] = false;
   std::vector<PointId> points;
@@ -278,16 +270,17 @@ MapProblem global_problem(const MapState& map) {
   }
   MapProblem problem = cut_problem(map, std::move(points), moves);
   fix_gauge(&problem);
-  free_cameras(map, &problem);
+  free_cameras(map, options, &problem);
   return problem;
 }
 
-void write_back(const MapProblem& solved, double squared_cutoff, MapState* map) {
+void write_back(const MapProblem& solved, double squared_cutoff, const SelfCalibrationOptions& options,
+                MapState* map) {
   const std::vector<Standing> before = standing_of(*map);
   write_poses(solved, map);
   for (size_t i = 0; i < solved.cameras.size(); ++i)
-    map->update_camera(solved.cameras[i], solved.bundle.free_cameras[i]);
-  drop_outliers(solved, squared_cutoff, map);
+    map->update_camera(solved.cameras[i], solved.bundle.free_cameras[i], options);
+  drop_outliers(solved, squared_cutoff, options.forbearance, map);
   hold_frame(solved, before, map);
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
 }
@@ -302,34 +295,34 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOpti
   MapProblem problem = local_problem(*map, newest, options.local_keyframes);
   BundleOptions bundle;
   bundle.max_iterations = options.local_iterations;
-  bundle.function_tolerance = 1e-4;
+  bundle.function_tolerance = options.adjustment.local_tolerance;
   bundle.should_stop = should_stop;
   const BundleReport report = minimize(&problem.bundle, bundle, options.adjuster);
   if (!report.usable) return report;
   const std::vector<Standing> before = standing_of(*map);
   write_local(problem, map);
-  drop_outliers(problem, report.squared_cutoff, map);
+  drop_outliers(problem, report.squared_cutoff, options.self_calibration.forbearance, map);
   const bool is_whole = problem.keyframes.size() == map->live_keyframes();
   if (is_whole) hold_frame(problem, before, map);  // else the others do
   for (const KeyframeId id : problem.keyframes) map->update_depths(id);
   return report;
 }
 
-BundleReport adjust_whole(MapState* map, Adjuster adjuster) {
-  MapProblem problem = global_problem(*map);
-  BundleOptions options = global_options({});
-  options.rounds = 3;
-  const BundleReport report = minimize(&problem.bundle, options, adjuster);
-  if (report.usable) write_back(problem, report.squared_cutoff, map);
+BundleReport adjust_whole(MapState* map, const MapMakerOptions& options) {
+  MapProblem problem = global_problem(*map, options.self_calibration);
+  BundleOptions bundle = global_options(options.adjustment, {});
+  bundle.rounds = options.adjustment.start_rounds;
+  const BundleReport report = minimize(&problem.bundle, bundle, options.adjuster);
+  if (report.usable) write_back(problem, report.squared_cutoff, options.self_calibration, map);
   return report;
 }
 
-BundleOptions global_options(const std::function<bool()>& should_stop) {
-  BundleOptions options;
-  options.max_iterations = 20;
-  options.function_tolerance = 1e-6;
-  options.should_stop = should_stop;
-  return options;
+BundleOptions global_options(const AdjustmentOptions& options, const std::function<bool()>& should_stop) {
+  BundleOptions bundle;
+  bundle.max_iterations = options.global_iterations;
+  bundle.function_tolerance = options.global_tolerance;
+  bundle.should_stop = should_stop;
+  return bundle;
 }
 
 }  // namespace cairn

@@ -24,15 +24,16 @@ struct MapProblem {
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
 /// All but the first keyframe move, and the cameras that are being calibrated, once there are three
 /// keyframes: two views hardly tell a focal length. Judged are at most two of these, those with most new
-/// keyframes.
-[[nodiscard]] MapProblem global_problem(const MapState& map);
+/// keyframes; these numbers are of `options`.
+[[nodiscard]] MapProblem global_problem(const MapState& map, const SelfCalibrationOptions& options);
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay
 /// removed, keyframes not in the problem keep their pose relative to their reference keyframe, points not in
 /// it theirs relative to their source. Drops measurements that the robust cost calls outliers, refreshes
 /// depths. Unless two fixed keyframes hold the map's frame and unit, the map as a whole stays where it was:
 /// the similarity that brings the keyframes, and what they look at, back nearest to before.
-void write_back(const MapProblem& solved, double squared_cutoff, MapState* map);
+void write_back(const MapProblem& solved, double squared_cutoff, const SelfCalibrationOptions& options,
+                MapState* map);
 
 /// solve_bundle(), or the same by Ceres.
 BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
@@ -41,14 +42,16 @@ BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adju
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
                             const std::function<bool()>& should_stop);
 /// The same for the whole map, to convergence: for the start, when the map is small.
-BundleReport adjust_whole(MapState* map, Adjuster adjuster);
+BundleReport adjust_whole(MapState* map, const MapMakerOptions& options);
 
 /// How a global adjustment is solved, wherever it runs.
-[[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop);
+[[nodiscard]] BundleOptions global_options(const AdjustmentOptions& options,
+                                           const std::function<bool()>& should_stop);
 
 class GlobalAdjustment {
  public:
   Adjuster adjuster = Adjuster::kOwn;
+  AdjustmentOptions options;
   MapProblem problem;
   BundleReport report;
   size_t keyframes_at_cut = 0;  ///< of the map, when the problem was cut

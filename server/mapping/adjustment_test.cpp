@@ -62,7 +62,7 @@ class Walls {
 
 /// The whole problem, turned, moved and scaled.
 MapProblem carried_off(const MapState& map, double scale, const SE3& motion) {
-  MapProblem solved = global_problem(map);
+  MapProblem solved = global_problem(map, SelfCalibrationOptions());
   for (BundlePose& pose : solved.bundle.poses) {
     const SE3 there = pose.camera_from_map * motion.inverse();
     pose.camera_from_map = SE3(there.rotation(), scale * there.translation());
@@ -94,7 +94,7 @@ TEST(Adjustment, AMapThatWasOnlyCarriedOffIsWrittenBackWhereItWas) {
         carried_off(map, 1.3, SE3(so3_exp({0.2, -0.4, 0.1}), Eigen::Vector3d(0.5, 2, -1)));
     if (one_is_removed) map.remove_keyframe(KeyframeId{4});  // since the problem was cut
     MapState before = map;
-    write_back(solved, kNoOutliers, &map);
+    write_back(solved, kNoOutliers, SelfCalibrationOptions(), &map);
     expect_same_place(map, before);
   }
 }
@@ -108,7 +108,7 @@ TEST(Adjustment, WhatCameSinceTheProblemWasCutIsCarriedBackWithTheRest) {
   walls.map.keyframe(KeyframeId{7}).reference = KeyframeId{6};
   const MapState before = walls.map;
   write_back(carried_off(earlier, 1, SE3(so3_exp({0.2, -0.4, 0.1}), Eigen::Vector3d(0.5, 2, -1))),
-             kNoOutliers, &walls.map);
+             kNoOutliers, SelfCalibrationOptions(), &walls.map);
   expect_same_place(walls.map, before);
 }
 
@@ -121,7 +121,7 @@ TEST(Adjustment, WhatOneKeyframeLearnsOfItselfMovesItAndHardlyTheOthers) {
   const SE3 first = walls.map.keyframe(KeyframeId{1}).camera_from_map;
   MapProblem solved = carried_off(walls.map, 1, SE3(Eigen::Quaterniond::Identity(), {0, kMoved, 0}));
   solved.bundle.poses.front().camera_from_map = first;
-  write_back(solved, kNoOutliers, &walls.map);
+  write_back(solved, kNoOutliers, SelfCalibrationOptions(), &walls.map);
   for (size_t i = 0; i < before.keyframes().size(); ++i) {
     const double moved =
         (walls.map.keyframes()[i].camera_from_map.center() - before.keyframes()[i].camera_from_map.center())

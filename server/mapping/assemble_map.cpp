@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMinKeyframes = 2;
+constexpr size_t kMinKeyframes = 2;  // by definition: a map begins with two views
 
 /// Puts a map together; a step for each kind of record, in the order of what refers to what.
 class Assembly {
@@ -63,7 +63,6 @@ class Assembly {
     }
     for (MapCamera& c : cameras_) {
       if (c.camera == nullptr) c = known_camera(cameras_.back().camera);  // no keyframe has it
-      count_as_published(&c);
     }
   }
   static MapCamera known_camera(const CameraPtr& camera) {

@@ -13,8 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kPatchBorder = 8;  ///< [search-level px] of a projection from the image's edge
-constexpr double kStep = 1e-3;   ///< of the inverse depth, for a derivative
+constexpr double kStep = 1e-3;  ///< of the inverse depth, for a derivative: a matter of numbers, no option
 
 /// The inverse of a depth along the axis of the keyframe's camera [1 / map unit].
 struct Depth {
@@ -110,7 +109,8 @@ class CandidatePoints {
   [[nodiscard]] bool should_see(const PointSource& source, const Depth& depth, const MapKeyframe& partner,
                                 const EpipolarSearch& search) const {
     const auto view = search.view_at(source, depth.inverse);
-    if (!view || !partner.camera->in_image(view->pixel, kPatchBorder << view->level)) return false;
+    if (!view || !partner.camera->in_image(view->pixel, options_.image_border * (1 << view->level)))
+      return false;
     const Eigen::Vector3d point = point_of(source, depth.inverse);
     const Eigen::Vector3d center = keyframe().camera_from_map * partner.camera_from_map.center();
     return (center - point).normalized().dot(-point.normalized()) > options_.seen_cosine;

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/map_state.h"
 
 /// What of a published map an image shows: for who has no map maker at hand, or must not wait for it. Pure,
@@ -19,12 +20,13 @@ struct ExpectedPoint {
 };
 
 /// The live points of `map` that project into the image at a scale and from a side at which their patches
-/// look alike, and whether they are there, within a few pixels: by the defaults of RefindOptions. `most`: of
-/// more, a choice that is spread over them all, the same on every call. Those in front of what stands still
-/// are left out.
+/// look alike, and whether they are there, as the map maker looks for known points: `options` are its own.
+/// `most`: of more, a choice that is spread over them all, the same on every call. Those in front of what
+/// stands still are left out.
 [[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,
                                                          const SE3& camera_from_map,
                                                          const KeyframeImages& images,
-                                                         const StillMaskPtr& still, size_t most);
+                                                         const StillMaskPtr& still, size_t most,
+                                                         const RefindOptions& options);
 
 }  // namespace cairn

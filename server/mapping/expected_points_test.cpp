@@ -30,7 +30,7 @@ class ExpectedPointsTest : public testing::MapMakerFixture {
     SE3 pose = view.camera_from_reference * map_->find(view.reference)->camera_from_map;
     pose = SE3(Eigen::Quaterniond::Identity(), {aside, 0, 0}) * pose;
     const auto images = prepare_images(view.image->view(), nullptr);
-    return expected_points(*map_, *input_.camera, pose, *images, nullptr, most);
+    return expected_points(*map_, *input_.camera, pose, *images, nullptr, most, options_);
   }
   [[nodiscard]] static double share_found(const std::vector<ExpectedPoint>& points) {
     return static_cast<double>(std::count_if(points.begin(), points.end(), [](auto& p) { return p.found; })) /
@@ -38,6 +38,7 @@ class ExpectedPointsTest : public testing::MapMakerFixture {
   }
 
   MapSnapshotPtr map_;
+  RefindOptions options_;
 };
 
 TEST_F(ExpectedPointsTest, FindsWhatTheMapHas) {
@@ -65,6 +66,19 @@ TEST_F(ExpectedPointsTest, OfManyItTakesAChoiceThatIsSpread) {
   EXPECT_EQ(some.size(), 50U);
   EXPECT_NEAR(share_found(some), share_found(all), 0.25);
   EXPECT_GT(some.back().id, all[all.size() / 2].id);
+}
+
+/// An operator's own values reach it, as they reach the map maker.
+TEST_F(ExpectedPointsTest, ItLooksByTheOptionsThatItIsGiven) {
+  const size_t by_default = look(scene_, 4).size();
+  options_.visible_cosine = 1;
+  EXPECT_LT(look(scene_, 4).size(), by_default / 2) << "from nowhere else than the keyframe";
+  options_ = {};
+  options_.image_border = 60;
+  EXPECT_LT(look(scene_, 4).size(), by_default);
+  options_ = {};
+  options_.radius = 0;
+  EXPECT_LT(share_found(look(scene_, 4)), 0.2);
 }
 
 }  // namespace

@@ -100,12 +100,14 @@ bool widens_map(const MapState& map, const SE3& camera_from_map, double mean_dep
   return widens_young_map(centers, camera_from_map.center(), mean_depth);
 }
 
-double unknown_fraction(const KeyframeImages& images, const std::vector<PointMeasurement>& measured) {
-  constexpr int kLevel = 1;
-  KnownArea area(images.level(kLevel).width, images.level(kLevel).height);
-  for (const Candidate& c : point_candidates(images, kLevel)) area.add_corner(c.corner.x, c.corner.y);
+double unknown_fraction(const KeyframeImages& images, const std::vector<PointMeasurement>& measured,
+                        const MapMakerOptions& options) {
+  const int level = options.integration.area_level;
+  KnownArea area(images.level(level).width, images.level(level).height);
+  for (const Candidate& c : point_candidates(images, level, options.new_points))
+    area.add_corner(c.corner.x, c.corner.y);
   for (const PointMeasurement& m : measured)
-    area.add_measurement(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel));
+    area.add_measurement(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level));
   return area.unknown_fraction();
 }
 
@@ -142,8 +144,9 @@ std::string describe_distance(double distance, double needed) {
 /// second where they are not there.
 std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const KeyframeInput& input,
                                                      const Judged& judged, const KeyframeSpacing& spacing,
-                                                     const IntegrationOptions& options,
+                                                     const MapMakerOptions& all,
                                                      std::shared_ptr<const KeyframeImages>* images) {
+  const IntegrationOptions& options = all.integration;
   const Eigen::Vector3d center = judged.camera_from_map.center();
   if (input.extent && !contains(*input.extent, center))
     return refuse(KeyframeVerdict::kOutside, outside(*input.extent, "its camera", center));
@@ -158,7 +161,7 @@ std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const 
       static_cast<double>(judged.inliers.size()) <
       options.few_known * static_cast<double>(map.keyframe(input.reference).measurements.size());
   if (!widens && nearest.same_direction < needed && !knows_little &&
-      unknown_fraction(**images, judged.inliers) < KnownArea::kNewAreaFraction)
+      unknown_fraction(**images, judged.inliers, all) < KnownArea::kNewAreaFraction)
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
   return std::nullopt;
 }
@@ -256,7 +259,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                                       std::to_string(expected) +
                                                       " points that the map expects in it were found");
   }
-  if (auto refused = refuse_for_its_place(*map, input, *judged, spacing, limits, &images))
+  if (auto refused = refuse_for_its_place(*map, input, *judged, spacing, options, &images))
     return std::move(*refused);
 
   MapKeyframe keyframe;

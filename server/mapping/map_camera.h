@@ -5,6 +5,7 @@
 
 #include "common/bundle/free_camera.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/map_maker_options.h"
 
 /// Self-calibration: cameras that are calibrated in a map, while it grows.
 namespace cairn {
@@ -45,12 +46,14 @@ struct KeyframeCount {
 
 /// Whether enough is new to look for other focal lengths and to say how well it is known: both take several
 /// adjustments. At first that is any keyframe; once many have not told it, a quarter more of them.
-[[nodiscard]] bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes);
+[[nodiscard]] bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes,
+                                    const SelfCalibrationOptions& options);
 /// Takes in what an adjustment of these keyframes found. Freezes a camera that is known well enough: sigma
 /// small, by enough keyframes, and successive estimates agree.
-void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& keyframes);
+void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& keyframes,
+            const SelfCalibrationOptions& options);
 /// Whether there were keyframes enough, and still the focal length is not known.
-[[nodiscard]] bool cannot_be_known(const MapCamera& camera);
+[[nodiscard]] bool cannot_be_known(const MapCamera& camera, const SelfCalibrationOptions& options);
 
 /// How far the camera has moved from the values under which points were searched. Unless by nothing worth
 /// aiming patches anew, its present values count as searched with from now on.
@@ -59,12 +62,12 @@ enum class CameraMove : uint8_t {
   kSettled,  ///< by little, and it is known now: the last time
   kFelt      ///< by what a search feels
 };
-CameraMove take_move(MapCamera* camera);
+CameraMove take_move(MapCamera* camera, const SelfCalibrationOptions& options);
 
 /// What it is now counts as published.
-void count_as_published(MapCamera* camera);
+void count_as_published(MapCamera* camera, const SelfCalibrationOptions& options);
 /// Makes a new version if the values have changed by what can be seen, if they are known notably better, or
 /// were frozen. Whether it has.
-bool publish(MapCamera* camera);
+bool publish(MapCamera* camera, const SelfCalibrationOptions& options, const PublicationOptions& publication);
 
 }  // namespace cairn

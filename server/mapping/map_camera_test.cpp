@@ -14,6 +14,8 @@
 namespace cairn {
 namespace {
 
+const SelfCalibrationOptions kOptions;
+
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
@@ -42,27 +44,27 @@ KeyframeCount all_of(size_t keyframes) {
 TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   for (const size_t keyframes : {11, 12, 13}) {
-    update(&camera, found(camera, 520, 0.01), all_of(keyframes));
+    update(&camera, found(camera, 520, 0.01), all_of(keyframes), kOptions);
     EXPECT_FALSE(camera.frozen) << keyframes;
   }
   MapCamera moving = camera;
-  update(&moving, found(camera, 530, 0.01), all_of(14));
+  update(&moving, found(camera, 530, 0.01), all_of(14), kOptions);
   EXPECT_FALSE(moving.frozen) << "2 % from the estimates before";
   MapCamera unsure = camera;
-  update(&unsure, found(camera, 520, 0.015), all_of(14));
+  update(&unsure, found(camera, 520, 0.015), all_of(14), kOptions);
   EXPECT_FALSE(unsure.frozen);
   MapCamera again = camera;
-  update(&again, found(camera, 520, 0.01), all_of(13));
+  update(&again, found(camera, 520, 0.01), all_of(13), kOptions);
   EXPECT_FALSE(again.frozen) << "the same keyframes tell the same again";
   MapCamera unjudged = camera;
   FreeCamera moved_only = found(camera, 520, 0.01);
   moved_only.judge = false;
-  update(&unjudged, moved_only, all_of(14));
+  update(&unjudged, moved_only, all_of(14), kOptions);
   EXPECT_FALSE(unjudged.frozen);
   MapCamera few = camera;
-  update(&few, found(camera, 520, 0.01), {11, 14});
+  update(&few, found(camera, 520, 0.01), {11, 14}, kOptions);
   EXPECT_FALSE(few.frozen) << "eleven are left";
-  update(&camera, found(camera, 520, 0.01), {12, 14});
+  update(&camera, found(camera, 520, 0.01), {12, 14}, kOptions);
   EXPECT_TRUE(camera.frozen);
 }
 
@@ -70,7 +72,7 @@ TEST(MapCamera, ADriftIsNoAgreement) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   double focal = 540;
   for (size_t keyframes = 3; keyframes < 40; ++keyframes, focal *= 0.996) {
-    update(&camera, found(camera, focal, 0.01), all_of(keyframes));
+    update(&camera, found(camera, focal, 0.01), all_of(keyframes), kOptions);
     EXPECT_FALSE(camera.frozen) << "1.2 % over four, at " << keyframes;
   }
 }
@@ -80,36 +82,36 @@ TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
   believed.sigma = {0.005, 0.05};
   MapCamera camera = make_map_camera(simple_camera(500), believed);
   for (size_t keyframes = 3; keyframes < 20; ++keyframes) {
-    EXPECT_EQ(is_worth_judging(camera, all_of(keyframes)), keyframes >= 17) << keyframes;
-    update(&camera, found(camera, 501, 0.004), all_of(keyframes));
+    EXPECT_EQ(is_worth_judging(camera, all_of(keyframes), kOptions), keyframes >= 17) << keyframes;
+    update(&camera, found(camera, 501, 0.004), all_of(keyframes), kOptions);
     EXPECT_FALSE(camera.frozen) << keyframes;
   }
-  EXPECT_FALSE(is_worth_judging(camera, {10, 39}));
-  EXPECT_TRUE(is_worth_judging(camera, {10, 40})) << "or nobody would hear that it cannot be known";
-  update(&camera, found(camera, 501, 0.004), all_of(20));
+  EXPECT_FALSE(is_worth_judging(camera, {10, 39}, kOptions));
+  EXPECT_TRUE(is_worth_judging(camera, {10, 40}, kOptions)) << "or nobody would hear that it cannot be known";
+  update(&camera, found(camera, 501, 0.004), all_of(20), kOptions);
   EXPECT_TRUE(camera.frozen);
 }
 
 TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLookedAtMoreSeldom) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   for (size_t made = 3; made <= 40; ++made) {
-    EXPECT_FALSE(cannot_be_known(camera)) << made;
-    ASSERT_TRUE(is_worth_judging(camera, {20, made}));
-    update(&camera, found(camera, 520, 0.2), {20, made});
-    EXPECT_FALSE(is_worth_judging(camera, {20, made})) << "nothing is new";
+    EXPECT_FALSE(cannot_be_known(camera, kOptions)) << made;
+    ASSERT_TRUE(is_worth_judging(camera, {20, made}, kOptions));
+    update(&camera, found(camera, 520, 0.2), {20, made}, kOptions);
+    EXPECT_FALSE(is_worth_judging(camera, {20, made}, kOptions)) << "nothing is new";
   }
-  EXPECT_TRUE(cannot_be_known(camera));
-  EXPECT_FALSE(is_worth_judging(camera, {20, 50}));
-  EXPECT_TRUE(is_worth_judging(camera, {20, 51})) << "the motion may have become another";
+  EXPECT_TRUE(cannot_be_known(camera, kOptions));
+  EXPECT_FALSE(is_worth_judging(camera, {20, 50}, kOptions));
+  EXPECT_TRUE(is_worth_judging(camera, {20, 51}, kOptions)) << "the motion may have become another";
 }
 
 TEST(MapCamera, WhatHoldsItIsNotTakenForKnowledge) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   const double at_its_end = 500 * std::exp(2.9 * 0.35);
   for (size_t keyframes = 3; keyframes < 60; ++keyframes)
-    update(&camera, found(camera, at_its_end, 0.01), all_of(keyframes));
+    update(&camera, found(camera, at_its_end, 0.01), all_of(keyframes), kOptions);
   EXPECT_FALSE(camera.frozen);
-  EXPECT_TRUE(cannot_be_known(camera));
+  EXPECT_TRUE(cannot_be_known(camera, kOptions));
 }
 
 TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
@@ -117,7 +119,7 @@ TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
   for (const double sigma : {std::nan(""), infinity, 7.0}) {
     MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
     for (size_t keyframes = 3; keyframes < 20; ++keyframes)
-      update(&camera, found(camera, 520, sigma), all_of(keyframes));
+      update(&camera, found(camera, 520, sigma), all_of(keyframes), kOptions);
     EXPECT_EQ(camera.sigma, camera.prior_sigma) << sigma;
     EXPECT_FALSE(camera.frozen) << sigma;
   }
@@ -125,31 +127,31 @@ TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
 
 TEST(MapCamera, AMoveThatIsSeenMakesAVersionAndNoOther) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
-  EXPECT_FALSE(publish(&camera));
+  EXPECT_FALSE(publish(&camera, kOptions, PublicationOptions()));
   EXPECT_EQ(camera.version.version, 1U);
-  update(&camera, found(camera, 500.05, 0.34), all_of(3));  // 0.04 px in the corners
-  EXPECT_FALSE(publish(&camera));
+  update(&camera, found(camera, 500.05, 0.34), all_of(3), kOptions);  // 0.04 px in the corners
+  EXPECT_FALSE(publish(&camera, kOptions, PublicationOptions()));
   EXPECT_EQ(camera.version.version, 1U);
-  update(&camera, found(camera, 500.05, 0.1), all_of(4));
-  EXPECT_TRUE(publish(&camera)) << "it is known better";
+  update(&camera, found(camera, 500.05, 0.1), all_of(4), kOptions);
+  EXPECT_TRUE(publish(&camera, kOptions, PublicationOptions())) << "it is known better";
   EXPECT_EQ(camera.version.version, 2U);
-  update(&camera, found(camera, 510, 0.1), all_of(5));
-  EXPECT_TRUE(publish(&camera));
+  update(&camera, found(camera, 510, 0.1), all_of(5), kOptions);
+  EXPECT_TRUE(publish(&camera, kOptions, PublicationOptions()));
   EXPECT_EQ(camera.published->focal_length(), 510);
   EXPECT_EQ(camera.version.version, 3U);
 }
 
 TEST(MapCamera, PatchesAreAimedAnewWhereASearchFeelsItAndOnceItIsKnown) {
   MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
-  update(&camera, found(camera, 508, 0.1), all_of(3));
-  EXPECT_EQ(take_move(&camera), CameraMove::kNone) << "1.6 %";
-  update(&camera, found(camera, 511, 0.1), all_of(4));
-  EXPECT_EQ(take_move(&camera), CameraMove::kFelt) << "2.2 %";
-  update(&camera, found(camera, 515, 0.1), all_of(5));
-  EXPECT_EQ(take_move(&camera), CameraMove::kNone) << "from there on";
+  update(&camera, found(camera, 508, 0.1), all_of(3), kOptions);
+  EXPECT_EQ(take_move(&camera, kOptions), CameraMove::kNone) << "1.6 %";
+  update(&camera, found(camera, 511, 0.1), all_of(4), kOptions);
+  EXPECT_EQ(take_move(&camera, kOptions), CameraMove::kFelt) << "2.2 %";
+  update(&camera, found(camera, 515, 0.1), all_of(5), kOptions);
+  EXPECT_EQ(take_move(&camera, kOptions), CameraMove::kNone) << "from there on";
   camera.frozen = true;
-  EXPECT_EQ(take_move(&camera), CameraMove::kSettled);
-  EXPECT_EQ(take_move(&camera), CameraMove::kNone);
+  EXPECT_EQ(take_move(&camera, kOptions), CameraMove::kSettled);
+  EXPECT_EQ(take_move(&camera, kOptions), CameraMove::kNone);
 }
 
 /// A map of keyframes alone.
@@ -187,7 +189,7 @@ TEST_F(ManyCameras, AnAdjustmentOfACameraThatHasLostItsPlaceIsForgotten) {
   const CutCamera cut{7, map.cameras()[7].version, map.keyframes_of(7)};
   const FreeCamera adjusted = found(map.cameras()[7], 555, 0.1);
   ASSERT_EQ(map.add_camera(simple_camera(800), prior_of(200)), 7);
-  map.update_camera(cut, adjusted);
+  map.update_camera(cut, adjusted, kOptions);
   EXPECT_EQ(map.cameras()[7].camera->focal_length(), 800);
 }
 
@@ -221,7 +223,7 @@ TEST(CamerasOfAMapOfMany, OnlyThoseWithMostNewKeyframesAreAdjustedAndJudged) {
     }
   }
   cameras[4].judged_keyframes = 7;  // nothing is new
-  const MapProblem problem = global_problem({std::move(keyframes), {}, std::move(cameras)});
+  const MapProblem problem = global_problem({std::move(keyframes), {}, std::move(cameras)}, kOptions);
   std::vector<int> adjusted;
   for (const CutCamera& cut : problem.cameras) adjusted.push_back(cut.index);
   EXPECT_THAT(adjusted, ElementsAre(0, 1, 3, 5)) << "two views hardly tell a focal length";

@@ -165,13 +165,13 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
   if (!seeded) return tl::unexpected(seeded.error());
   const KeyframeSpacing spacing =
       keyframe_spacing(options, seeded->map.keyframe(seeded->result.first_keyframe).mean_depth);
-  auto state =
-      std::make_unique<State>(State{.options = options,
-                                    .spacing = spacing,
-                                    .map = std::move(seeded->map),
-                                    .plane_aligned = seeded->result.plane_aligned,
-                                    .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
-                                    .newest = seeded->result.second_keyframe});
+  auto state = std::make_unique<State>(
+      State{.options = options,
+            .spacing = spacing,
+            .map = std::move(seeded->map),
+            .plane_aligned = seeded->result.plane_aligned,
+            .builder = SnapshotBuilder(input.map, input.map_name, input.epoch, options.publication),
+            .newest = seeded->result.second_keyframe});
   return std::pair{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(seeded->result)};
 }
 
@@ -180,14 +180,15 @@ Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapI
   auto assembled = assemble_map(record, images);
   if (!assembled) return tl::unexpected(assembled.error());
   MapState& map = assembled->state;
+  map.take_cameras_as_published(options.self_calibration);
   const FoundationRecord& foundation = *record.foundation;
-  auto state =
-      std::make_unique<State>(State{.options = options,
-                                    .spacing = {foundation.min_distance_over_depth},
-                                    .map = std::move(map),
-                                    .plane_aligned = foundation.plane_aligned,
-                                    .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch),
-                                    .newest = KeyframeId{1}});
+  auto state = std::make_unique<State>(
+      State{.options = options,
+            .spacing = {foundation.min_distance_over_depth},
+            .map = std::move(map),
+            .plane_aligned = foundation.plane_aligned,
+            .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch, options.publication),
+            .newest = KeyframeId{1}});
   if (record.work) state->take_up(*record.work);
   return Restored{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(assembled->repairs)};
 }
@@ -279,7 +280,8 @@ bool MapMaker::wants_global_adjustment() const {
 GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
   GlobalAdjustmentPtr copy(new GlobalAdjustment);
   copy->adjuster = state_->options.adjuster;
-  copy->problem = global_problem(state_->map);
+  copy->options = state_->options.adjustment;
+  copy->problem = global_problem(state_->map, state_->options.self_calibration);
   copy->keyframes_at_cut = state_->map.keyframes().size();
   return copy;
 }
@@ -291,16 +293,17 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   report.iterations = solved.report.iterations;
   report.changed = solved.report.usable;
   report.finished = solved.report.usable && solved.report.converged;
-  if (solved.report.usable) write_back(solved.problem, solved.report.squared_cutoff, &s.map);
+  if (solved.report.usable)
+    write_back(solved.problem, solved.report.squared_cutoff, s.options.self_calibration, &s.map);
   // An unusable result would come out the same again: wait for the map to grow.
   const bool settled = report.finished || !solved.report.usable;
   if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
-  if (s.map.follow_cameras()) s.search_everything();
+  if (s.map.follow_cameras(s.options.self_calibration)) s.search_everything();
   return report;
 }
 
 MapSnapshotPtr MapMaker::snapshot() {
-  state_->map.publish_cameras();
+  state_->map.publish_cameras(state_->options);
   MapSnapshotPtr snapshot = state_->builder.build(state_->map);
   for (const auto& block : snapshot->point_blocks) state_->map.share_sources(block->patches);
   return snapshot;
@@ -419,10 +422,11 @@ double MapMaker::reprojection_rms() const {
 
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {
   BundleProblem& bundle = problem->problem.bundle;
+  const BundleOptions options = global_options(problem->options, should_stop);
   if (bundle.free_cameras.empty()) {
-    problem->report = minimize(&bundle, global_options(should_stop), problem->adjuster);
+    problem->report = minimize(&bundle, options, problem->adjuster);
   } else {
-    problem->report = find_cameras(&bundle, global_options(should_stop));
+    problem->report = find_cameras(&bundle, options);
   }
 }
 

@@ -3,6 +3,9 @@
 
 #include <numbers>
 
+#include "common/base/member_count.h"
+#include "common/image/pyramid.h"
+
 namespace cairn {
 namespace {
 
@@ -15,7 +18,7 @@ constexpr OptionList::Range kSquared = {0, 1e6};
 constexpr OptionList::Range kCount = {0, 1e6};
 
 OptionList list_options(EpipolarOptions* o) {
-  OptionList list;
+  OptionList list(member_count<EpipolarOptions>());
   list.add("near_margin", &o->near_margin, {1e-3, 1}, "of the nearest depth");
   list.add("far_margin", &o->far_margin, {1, 1e3}, "of the farthest depth");
   list.add("line_distance", &o->line_distance, {0, 100}, "level px");
@@ -29,7 +32,7 @@ OptionList list_options(EpipolarOptions* o) {
 }
 
 OptionList list_options(TwoViewPointOptions* o) {
-  OptionList list;
+  OptionList list(member_count<TwoViewPointOptions>());
   list.add("partners", &o->partners, {1, 1e3}, "keyframes");
   list.add("confirming_keyframes", &o->confirming_keyframes, {0, 1e3}, "keyframes");
   list.add("min_parallax", &o->min_parallax, kAngle, "rad");
@@ -42,12 +45,15 @@ OptionList list_options(TwoViewPointOptions* o) {
   list.add("confirm_cosine", &o->confirm_cosine, kCosine, "cosine");
   list.add("overlap_samples", &o->overlap_samples, {1, 1e6}, "points");
   list.add("candidates_per_poll", &o->candidates_per_poll, {1, 1e6}, "candidates");
+  list.add("corner_barrier", &o->corner_barrier, {0, 254}, "grey levels");
+  list.add("corner_texture", &o->corner_texture, {0, 1e6}, "Shi-Tomasi's measure");
+  list.add("image_border", &o->image_border, kPixels, "search-level px");
   list.add_part("epipolar", list_options(&o->epipolar));
   return list;
 }
 
 OptionList list_options(CandidatePointOptions* o) {
-  OptionList list;
+  OptionList list(member_count<CandidatePointOptions>());
   list.add("partners", &o->partners, {0, 1e3}, "keyframes");
   list.add("sigmas", &o->sigmas, {0, 100}, "sigma");
   list.add("least_share", &o->least_share, {1e-6, 1}, "of the inverse depth");
@@ -56,11 +62,12 @@ OptionList list_options(CandidatePointOptions* o) {
   list.add("max_squared_residual", &o->max_squared_residual, kSquared, "search-level px^2");
   list.add("known_distance", &o->known_distance, kPixels, "level px");
   list.add("seen_cosine", &o->seen_cosine, kCosine, "cosine");
+  list.add("image_border", &o->image_border, kPixels, "search-level px");
   return list;
 }
 
 OptionList list_options(RefindOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RefindOptions>());
   list.add("radius", &o->radius, kPixels, "search-level px");
   list.add("visible_cosine", &o->visible_cosine, kCosine, "cosine");
   list.add("image_border", &o->image_border, kPixels, "search-level px");
@@ -69,11 +76,12 @@ OptionList list_options(RefindOptions* o) {
 }
 
 OptionList list_options(IntegrationOptions* o) {
-  OptionList list;
+  OptionList list(member_count<IntegrationOptions>());
   list.add("min_measurements", &o->min_measurements, {4, 1e6}, "points");
   list.add("same_direction", &o->same_direction, kCosine, "cosine");
   list.add("new_area_distance", &o->new_area_distance, kShare, "of the spacing");
   list.add("few_known", &o->few_known, kShare, "of the reference's measurements");
+  list.add("area_level", &o->area_level, {0, kPyramidLevels - 1}, "level");
   list.add("chained_radius", &o->chained_radius, kPixels, "search-level px");
   list.add("chained_share", &o->chained_share, kShare, "of the points in sight");
   list.add("max_refinement", &o->max_refinement, kPixels, "search-level px");
@@ -84,7 +92,7 @@ OptionList list_options(IntegrationOptions* o) {
 }
 
 OptionList list_options(StartOptions* o) {
-  OptionList list;
+  OptionList list(member_count<StartOptions>());
   list.add("min_points", &o->min_points, {8, 1e6}, "points");
   list.add("max_rms", &o->max_rms, {0, 1e3}, "sigma");
   list.add("trail_shift", &o->trail_shift, kPixels, "px");
@@ -96,7 +104,7 @@ OptionList list_options(StartOptions* o) {
 }
 
 OptionList list_options(UpkeepOptions* o) {
-  OptionList list;
+  OptionList list(member_count<UpkeepOptions>());
   list.add("min_attempts", &o->min_attempts, {1, 1e6}, "searches");
   list.add("min_found_fraction", &o->min_found_fraction, kShare, "of the searches");
   list.add("redundant_observers", &o->redundant_observers, {1, 1e6}, "keyframes");
@@ -105,10 +113,48 @@ OptionList list_options(UpkeepOptions* o) {
   return list;
 }
 
+OptionList list_options(AdjustmentOptions* o) {
+  OptionList list(member_count<AdjustmentOptions>());
+  list.add("local_tolerance", &o->local_tolerance, kShare, "of the cost");
+  list.add("global_iterations", &o->global_iterations, {1, 1000});
+  list.add("global_tolerance", &o->global_tolerance, kShare, "of the cost");
+  list.add("start_rounds", &o->start_rounds, {1, 1000}, "rounds");
+  return list;
+}
+
+OptionList list_options(SelfCalibrationOptions* o) {
+  OptionList list(member_count<SelfCalibrationOptions>());
+  list.add("known_focal_sigma", &o->known_focal_sigma, {0, 10}, "ln of the focal length");
+  list.add("known_k1_sigma", &o->known_k1_sigma, {0, 100}, "k1");
+  list.add("agreement", &o->agreement, {0, 10}, "ln of the focal length");
+  list.add("enough_agreements", &o->enough_agreements, {1, 1e6}, "estimates");
+  list.add("fewest_keyframes", &o->fewest_keyframes, kCount, "keyframes");
+  list.add("fewest_of_believed", &o->fewest_of_believed, kCount, "keyframes");
+  list.add("many_keyframes", &o->many_keyframes, kCount, "keyframes");
+  list.add("one_more_to", &o->one_more_to, {1, 1e6}, "keyframes");
+  list.add("felt_move", &o->felt_move, {0, 10}, "ln of the focal length");
+  list.add("most_judged", &o->most_judged, {0, kMaxCalibratedCameras}, "cameras");
+  list.add("most_free", &o->most_free, {0, kMaxCalibratedCameras}, "cameras");
+  list.add("fewest_to_move", &o->fewest_to_move, {1, 1e6}, "keyframes");
+  list.add("fewest_for_distortion", &o->fewest_for_distortion, kCount, "keyframes");
+  list.add("held_k1_sigma", &o->held_k1_sigma, {1e-9, 100}, "k1");
+  list.add("forbearance", &o->forbearance, {1, 1e6}, "of the squared cutoff");
+  return list;
+}
+
+OptionList list_options(PublicationOptions* o) {
+  OptionList list(member_count<PublicationOptions>());
+  list.add("visible_move", &o->visible_move, kPixels, "px at the source keyframe");
+  list.add("visible_turn", &o->visible_turn, {0, 2}, "rad, and of a cosine");
+  list.add("visible_distance", &o->visible_distance, {0, 1e3}, "of the distance");
+  list.add("better_sigma", &o->better_sigma, kShare, "of the sigma published before");
+  return list;
+}
+
 }  // namespace
 
 OptionList list_options(MapMakerOptions* o) {
-  OptionList list;
+  OptionList list(member_count<MapMakerOptions>() - 2);  // choices of a run: the header
   list.add("baseline", &o->baseline, {1e-6, 1e6}, "m");
   list.add("min_keyframe_distance", &o->min_keyframe_distance, kCount, "baselines over the first mean depth");
   list.add("max_points_per_keyframe", &o->max_points_per_keyframe, {1, 1e5}, "points");
@@ -121,6 +167,9 @@ OptionList list_options(MapMakerOptions* o) {
   list.add_part("candidates", list_options(&o->candidates));
   list.add_part("refind", list_options(&o->refind));
   list.add_part("upkeep", list_options(&o->upkeep));
+  list.add_part("adjustment", list_options(&o->adjustment));
+  list.add_part("self_calibration", list_options(&o->self_calibration));
+  list.add_part("publication", list_options(&o->publication));
   return list;
 }
 

@@ -43,6 +43,12 @@ struct TwoViewPointOptions {
   double confirm_cosine = 0.9;    ///< a view more oblique against the source's proves nothing by not finding
   uint64_t overlap_samples = 60;  ///< points by which partners are ranked
   uint64_t candidates_per_poll = 64;  ///< candidates between two looks at who waits
+  /// Of the corners that may become points: weaker than the 2008 limits (barrier 10, 70), since in a
+  /// compressed, slightly blurred image those leave a thin map, and alignment tells a weak patch from a
+  /// useless one.
+  int corner_barrier = 6;        ///< [grey levels] of FAST's score
+  float corner_texture = 20.0F;  ///< Shi-Tomasi's measure
+  double image_border = 8;       ///< [search-level px] of a confirming view from the image's edge
   EpipolarOptions epipolar;
 };
 
@@ -58,6 +64,7 @@ struct CandidatePointOptions {
   double max_squared_residual = 1.0;  ///< [search-level px^2] across the line
   float known_distance = 10;          ///< [level px] from a point of the map, as of other new points
   double seen_cosine = 0.9;           ///< a more oblique view against the keyframe's says nothing
+  double image_border = 8;            ///< [search-level px] of its projection from the image's edge
 };
 
 /// Of known points in keyframes that do not measure them yet (refind).
@@ -75,6 +82,7 @@ struct IntegrationOptions {
       0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
   double new_area_distance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
   double few_known = 0.6;          ///< of the reference keyframe's measurements: fewer count as new area
+  int area_level = 1;              ///< whose corners tell new area (KnownArea); as the tracker's own
   float chained_radius = 8;        ///< [search-level px] a step of a chain is off by less
   double chained_share = 0.3;      ///< of the points in sight: a good frame, as the tracker has it
   float max_refinement = 1.5F;     ///< [search-level px] from the tracker's measurement
@@ -107,6 +115,50 @@ struct UpkeepOptions {
   uint64_t newest_kept = 5;  ///< keyframes: still being integrated, or the reference of offers in flight
 };
 
+/// Of bundle adjustment (adjustment), beside what MapMakerOptions says of the local one.
+struct AdjustmentOptions {
+  double local_tolerance = 1e-4;  ///< of the cost: an iteration that wins less is the last
+  int global_iterations = 20;
+  double global_tolerance = 1e-6;
+  int start_rounds = 3;  ///< of an adjustment at the start, each with a cutoff of its own
+};
+
+/// Of cameras that are calibrated in a map (map_camera, adjustment). Sigmas are those of Intrinsics.
+struct SelfCalibrationOptions {
+  /// A camera is known, and frozen, with sigmas no larger: the focal length within 2.5 % with 95 %.
+  double known_focal_sigma = 0.0125;
+  double known_k1_sigma = 0.1;
+  /// [ln of the focal length] of successive estimates, with the first of them: a slow drift is no agreement.
+  /// What was measured under a camera that is off agrees with it, and it takes many keyframes to draw the
+  /// estimate away.
+  double agreement = 0.01;
+  int enough_agreements = 3;       ///< for a camera to be known
+  uint64_t fewest_keyframes = 12;  ///< whose spread says something
+  /// Likewise where the sigma was small to begin with and tells nothing of them.
+  uint64_t fewest_of_believed = 20;
+  uint64_t many_keyframes = 40;  ///< what these have not told, more of the same will not
+  uint64_t one_more_to = 4;      ///< beyond these: one new keyframe to so many is worth another look
+  double felt_move = 0.02;       ///< [ln of the focal length] some px where the image ends
+  uint64_t most_judged = 2;      ///< cameras by one adjustment: judging takes several adjustments each
+  uint64_t most_free = 4;        ///< cameras that an adjustment moves: each is a border of the reduced system
+  uint64_t fewest_to_move = 3;   ///< keyframes: two views hardly tell a focal length
+  /// Keyframes ever made: over fewer views, most of all of a plane, distortion makes up for a wrong focal
+  /// length, so k1 is held; by this sigma, which is less than 0.1 px in the corners of a view of 60 degrees.
+  uint64_t fewest_for_distortion = 6;
+  double held_k1_sigma = 1e-3;
+  /// [of the squared cutoff] to which a measurement of a camera that is not known yet may be off and stay.
+  double forbearance = 9;
+};
+
+/// Of what changes of a map are worth being sent (snapshot_builder, map_camera).
+struct PublicationOptions {
+  double visible_move = 0.2;  ///< [px] as seen from the source keyframe: what moves by less is not sent again
+  /// [rad, roughly] of the mean viewing direction, and of its cone's cosine.
+  float visible_turn = 0.05F;
+  float visible_distance = 0.15F;  ///< relative change of the range of viewing distances
+  double better_sigma = 0.7;       ///< of the one published before: a camera is known notably better
+};
+
 struct MapMakerOptions {
   Adjuster adjuster = Adjuster::kOwn;
   double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (PTAM r114)
@@ -124,6 +176,9 @@ struct MapMakerOptions {
   CandidatePointOptions candidates = {};
   RefindOptions refind = {};
   UpkeepOptions upkeep = {};
+  AdjustmentOptions adjustment = {};
+  SelfCalibrationOptions self_calibration = {};
+  PublicationOptions publication = {};
 };
 
 /// What an operator may set: all that is no choice of a run, whose are the adjuster and the seed.

@@ -120,7 +120,7 @@ struct MapRecord {
 /// without image or measurements is removed, as are points without source or position, and what refers to
 /// them.
 struct AssembledMap {
-  MapState state;
+  MapState state;  ///< whose cameras are not published yet (MapState::take_cameras_as_published)
   std::vector<std::string> repairs;
 };
 

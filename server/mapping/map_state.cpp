@@ -4,13 +4,15 @@
 #include <algorithm>
 
 #include "common/geometry/scene_depth.h"
+#include "common/image/patch_border.h"
 #include "common/map/limits.h"
 #include "server/mapping/patch_view.h"
 
 namespace cairn {
 namespace {
 
-constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};  // PTAM r114
+// PTAM r114. No option: an image that was evicted must have its corners again, whoever prepares it.
+constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};
 
 bool by_point(const Measurement& m, PointId id) {
   return m.point < id;
@@ -45,12 +47,6 @@ size_t expected_image_bytes(const Camera& camera) {
   return static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height()) * 5 / 3;
 }
 
-// Weaker than the 2008 limits (barrier 10, 70): in a compressed, slightly blurred image those leave a thin
-// map, and alignment tells a weak patch from a useless one.
-constexpr int kCandidateBarrier = 6;
-constexpr int kCandidateBorder = 14;  // [px]
-constexpr float kMinShiTomasi = 20.0F;
-
 std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image, const StillMaskPtr& still) {
   auto images = std::make_shared<KeyframeImages>();
   images->pyramid.build(image);
@@ -63,9 +59,10 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image, cons
   return images;
 }
 
-std::vector<Candidate> point_candidates(const KeyframeImages& images, int level) {
-  return find_candidates(images.level(level), images.corners[static_cast<size_t>(level)], kCandidateBarrier,
-                         kCandidateBorder, kMinShiTomasi);
+std::vector<Candidate> point_candidates(const KeyframeImages& images, int level,
+                                        const TwoViewPointOptions& options) {
+  return find_candidates(images.level(level), images.corners[static_cast<size_t>(level)],
+                         options.corner_barrier, kPatchBorder, options.corner_texture);
 }
 
 PointSource source_in_block(const MapPoint& point) {
@@ -136,20 +133,21 @@ KeyframeCount MapState::keyframes_of(int camera) const {
   return count;
 }
 
-void MapState::update_camera(const CutCamera& cut, const FreeCamera& adjusted) {
+void MapState::update_camera(const CutCamera& cut, const FreeCamera& adjusted,
+                             const SelfCalibrationOptions& options) {
   MapCamera& camera = cameras_[static_cast<size_t>(cut.index)];
   if (camera.version.client != cut.version.client || camera.version.camera != cut.version.camera) return;
-  update(&camera, adjusted, cut.keyframes);
+  update(&camera, adjusted, cut.keyframes, options);
   for (MapKeyframe& k : keyframes_) {
     if (k.estimated_camera == cut.index) k.camera = camera.camera;
   }
 }
 
-bool MapState::follow_cameras() {
+bool MapState::follow_cameras(const SelfCalibrationOptions& options) {
   std::vector<bool> moved(cameras_.size(), false);
   bool felt = false;
   for (size_t i = 0; i < cameras_.size(); ++i) {
-    const CameraMove move = take_move(&cameras_[i]);
+    const CameraMove move = take_move(&cameras_[i], options);
     moved[i] = move != CameraMove::kNone;
     felt |= move == CameraMove::kFelt;
   }
@@ -171,8 +169,12 @@ void MapState::aim_patches(const std::vector<bool>& chosen) {
   }
 }
 
-void MapState::publish_cameras() {
-  for (MapCamera& c : cameras_) publish(&c);
+void MapState::publish_cameras(const MapMakerOptions& options) {
+  for (MapCamera& c : cameras_) publish(&c, options.self_calibration, options.publication);
+}
+
+void MapState::take_cameras_as_published(const SelfCalibrationOptions& options) {
+  for (MapCamera& c : cameras_) count_as_published(&c, options);
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

@@ -42,8 +42,10 @@ struct KeyframeImages {
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image,
                                                                    const StillMaskPtr& still);
 
-/// Where new points may be made at a level (PTAM r114). Needed once in a keyframe's life, so not kept.
-[[nodiscard]] std::vector<Candidate> point_candidates(const KeyframeImages& images, int level);
+/// Where new points may be made at a level (PTAM r114): corners as `options` ask for them, with room for
+/// their patch. Needed once in a keyframe's life, so not kept.
+[[nodiscard]] std::vector<Candidate> point_candidates(const KeyframeImages& images, int level,
+                                                      const TwoViewPointOptions& options);
 
 /// A point seen in a keyframe.
 struct Measurement {
@@ -150,14 +152,16 @@ class MapState {
   [[nodiscard]] KeyframeCount keyframes_of(int camera) const;
   /// What an adjustment of these keyframes has found of a camera; its keyframes get it. Nothing if its place
   /// is another's by now.
-  void update_camera(const CutCamera& cut, const FreeCamera& adjusted);
+  void update_camera(const CutCamera& cut, const FreeCamera& adjusted, const SelfCalibrationOptions& options);
   /// Aims the patches of cameras that have moved by what a search feels, or are known from now on. True when
   /// points searched in vain may be found now: nothing is given up any more.
-  bool follow_cameras();
+  bool follow_cameras(const SelfCalibrationOptions& options);
   /// How often patches were aimed anew.
   [[nodiscard]] uint64_t aims() const { return aims_; }
-  /// Cameras as they are now become what is published.
-  void publish_cameras();
+  /// Cameras as they are now become what is published, in new versions where that can be seen.
+  void publish_cameras(const MapMakerOptions& options);
+  /// Of a map put together from its record: its cameras are those that were published.
+  void take_cameras_as_published(const SelfCalibrationOptions& options);
 
   /// Takes in a keyframe without measurements; its id is set here.
   KeyframeId add_keyframe(MapKeyframe keyframe);

@@ -156,7 +156,7 @@ TEST(Upkeep, CullsPointsThatAreSearchedInVain) {
     map.point(id).attempts = 8;
     map.point(id).found = found;
   }
-  EXPECT_EQ(cull_points(&map), 2);
+  EXPECT_EQ(cull_points(&map, UpkeepOptions()), 2);
   EXPECT_FALSE(map.is_live(PointId{1}));
   EXPECT_FALSE(map.is_live(PointId{2}));
   EXPECT_TRUE(map.is_live(PointId{3}));
@@ -178,10 +178,10 @@ TEST(Upkeep, FindsTheKeyframeThatAddsNothing) {
       }
     }
   }
-  EXPECT_EQ(find_redundant_keyframe(map, KeyframeId{12}), KeyframeId{4});
+  EXPECT_EQ(find_redundant_keyframe(map, KeyframeId{12}, UpkeepOptions()), KeyframeId{4});
   map.remove_keyframe(KeyframeId{4});
   EXPECT_EQ(map.live_points(), 180U);
-  EXPECT_EQ(find_redundant_keyframe(map, KeyframeId{12}), std::nullopt);
+  EXPECT_EQ(find_redundant_keyframe(map, KeyframeId{12}, UpkeepOptions()), std::nullopt);
 }
 
 /// What a map says, whatever its ids are: of each keyframe its centre, of each point its position, and who

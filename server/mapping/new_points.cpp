@@ -60,7 +60,8 @@ class ConfirmingKeyframes {
       const Eigen::Vector3d to_camera = (from_source_[i].center() - point.in_source).normalized();
       if (to_camera.dot(-point.in_source.normalized()) < options_.confirm_cosine) continue;
       const auto view = view_patch(source, point.in_source, from_source_[i], *keyframes_[i]->camera);
-      if (!view || !keyframes_[i]->camera->in_image(view->pixel, 8 << view->level)) continue;
+      if (!view || !keyframes_[i]->camera->in_image(view->pixel, options_.image_border * (1 << view->level)))
+        continue;
       ++asked;
       const auto hit = find_near_corner(source, *view, *keyframes_[i]->images, options_.confirm_radius);
       if (hit) found->emplace_back(ids_[i], *hit);
@@ -147,7 +148,8 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
   const ConfirmingKeyframes confirming(*map, keyframe, others, options);
   Occupancy taken = known_measurements(keyframe, level, options.known_distance);
   std::vector<std::pair<KeyframeId, PatchFound>> seen_by;
-  const std::vector<Candidate> candidates = strongest_first(point_candidates(*keyframe.images, level));
+  const std::vector<Candidate> candidates =
+      strongest_first(point_candidates(*keyframe.images, level, options));
   for (size_t c = limits.first_candidate; c < candidates.size(); ++c) {
     if (static_cast<int>(result.made.size()) >= limits.max_points) break;
     if (c % options.candidates_per_poll == options.candidates_per_poll - 1 && should_yield()) {

@@ -10,7 +10,8 @@
 namespace cairn {
 
 /// Limit of the ZMSSD at a whole pixel (PTAM r114). Half a pixel off, a sharp corner differs from itself by
-/// this much; the stricter kMaxZmssd applies after refinement.
+/// this much; the stricter kMaxZmssd applies after refinement. No option, as that one is none: both say when
+/// two patches are the same, for tracker and map maker alike.
 constexpr int kSearchZmssd = 64 * 500;
 
 /// A patch as projected into an image.

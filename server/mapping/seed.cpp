@@ -103,8 +103,8 @@ void add_trail_points(const std::vector<SeedMatch>& matches, const TwoViewGeomet
 }
 
 /// Root mean square of whitened residuals over all measurements.
-double whitened_rms(const MapState& map) {
-  const BundleProblem problem = global_problem(map).bundle;
+double whitened_rms(const MapState& map, const SelfCalibrationOptions& options) {
+  const BundleProblem problem = global_problem(map, options).bundle;
   double sum = 0;
   for (const BundleObservation& o : problem.observations) sum += squared_residual(problem, o);
   return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(problem.observations.size())));
@@ -177,8 +177,8 @@ Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<S
   return *std::move(geometry);
 }
 
-Status adjust(MapState* map, Adjuster adjuster) {
-  if (adjust_whole(map, adjuster).usable) return {};
+Status adjust(MapState* map, const MapMakerOptions& options) {
+  if (adjust_whole(map, options).usable) return {};
   return fail(ErrorCode::kDegenerate, "the two views do not adjust");
 }
 
@@ -198,7 +198,7 @@ Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& opt
   if (seeded->result.points.size() < options.start.min_points)
     return too_few(seeded->result.points.size(), options.start.min_points);
   update_all_depths(&map);
-  if (auto status = adjust(&map, options.adjuster); !status) return tl::unexpected(status.error());
+  if (auto status = adjust(&map, options); !status) return tl::unexpected(status.error());
   return geometry->median_parallax;
 }
 
@@ -216,10 +216,10 @@ Status fill_in_points(const MapMakerOptions& options, double median_parallax, Se
     (void)make_new_points(&map, seeded->result.second_keyframe, level, new_points, options.new_points,
                           [] { return false; });
   }
-  if (auto status = adjust(&map, options.adjuster); !status) return status;
+  if (auto status = adjust(&map, options); !status) return status;
   if (map.live_points() < options.start.min_points)
     return too_few(map.live_points(), options.start.min_points);
-  if (const double rms = whitened_rms(map); rms > options.start.max_rms) {
+  if (const double rms = whitened_rms(map, options.self_calibration); rms > options.start.max_rms) {
     return fail(ErrorCode::kDegenerate,
                 fmt::format("the two views do not fit: {:.1f} sigma after adjustment, at most {:.1f} allowed",
                             rms, options.start.max_rms));

@@ -8,10 +8,6 @@
 namespace cairn {
 namespace {
 
-constexpr float kVisibleTurn =
-    0.05F;  ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
-constexpr float kVisibleDistance = 0.15F;  ///< relative change of the range of viewing distances
-
 /// First and one-past-last item of a block.
 std::pair<size_t, size_t> block_range(size_t block, size_t items) {
   return {block * kBlockSlots, std::min(items, (block + 1) * kBlockSlots)};
@@ -21,11 +17,11 @@ KeyframePose published_pose(const MapKeyframe& k) {
   return {k.id, k.camera_from_map, static_cast<float>(k.mean_depth)};
 }
 
-bool moved_visibly(const MapKeyframe& k, const KeyframePose& before) {
+bool moved_visibly(const MapKeyframe& k, const KeyframePose& before, double visible_move) {
   const Vector6d change = (k.camera_from_map * before.camera_from_map.inverse()).log();
   const double depth = std::max(k.mean_depth, 1e-9);
   return (change.head<3>().norm() / depth + change.tail<3>().norm()) * k.camera->focal_length() >
-         kVisibleMove;
+         visible_move;
 }
 
 /// Camera centres, indexed by keyframe id - 1.
@@ -63,19 +59,20 @@ PointVisibility visibility_of(const Centers& centers, const MapPoint& point) {
   return v;
 }
 
-bool changed_notably(const PointVisibility& now, const PointVisibility& before) {
-  return (now.mean_direction - before.mean_direction).norm() > kVisibleTurn ||
-         std::abs(now.min_cosine - before.min_cosine) > kVisibleTurn ||
-         std::abs(now.min_distance - before.min_distance) > kVisibleDistance * before.min_distance ||
-         std::abs(now.max_distance - before.max_distance) > kVisibleDistance * before.max_distance;
+bool changed_notably(const PointVisibility& now, const PointVisibility& before,
+                     const PublicationOptions& options) {
+  return (now.mean_direction - before.mean_direction).norm() > options.visible_turn ||
+         std::abs(now.min_cosine - before.min_cosine) > options.visible_turn ||
+         std::abs(now.min_distance - before.min_distance) > options.visible_distance * before.min_distance ||
+         std::abs(now.max_distance - before.max_distance) > options.visible_distance * before.max_distance;
 }
 
 bool moved_visibly(const MapState& map, const Centers& centers, const MapPoint& point,
-                   const Eigen::Vector3f& before) {
+                   const Eigen::Vector3f& before, double visible_move) {
   const KeyframeId source = point.source->keyframe;
   const double distance = (centers[source.value - 1] - point.position).norm();
   return (point.position - before.cast<double>()).norm() * map.keyframe(source).camera->focal_length() >
-         kVisibleMove * distance;
+         visible_move * distance;
 }
 
 uint64_t live_bit(bool live, size_t slot) {
@@ -94,13 +91,13 @@ std::shared_ptr<const KeyframeBlock> cut_keyframes(const MapState& map, size_t i
   return block;
 }
 
-bool is_current(const MapState& map, const KeyframeBlock& block) {
+bool is_current(const MapState& map, const KeyframeBlock& block, const PublicationOptions& options) {
   const auto [begin, end] = block_range(block.index, map.keyframes().size());
   if (end - begin != block.keyframes.size()) return false;
   for (size_t i = begin; i < end; ++i) {
     const MapKeyframe& k = map.keyframes()[i];
     if (live_bit(k.live, i - begin) != (block.live & live_bit(true, i - begin))) return false;
-    if (k.live && moved_visibly(k, block.keyframes[i - begin])) return false;
+    if (k.live && moved_visibly(k, block.keyframes[i - begin], options.visible_move)) return false;
   }
   return true;
 }
@@ -144,7 +141,8 @@ bool is_current(const MapState& map, const PatchBlock& block) {
   return true;
 }
 
-bool is_current(const MapState& map, const Centers& centers, const PositionBlock& block) {
+bool is_current(const MapState& map, const Centers& centers, const PositionBlock& block,
+                const PublicationOptions& options) {
   const auto [begin, end] = block_range(block.index, map.points().size());
   if (end - begin != block.positions.size()) return false;
   for (size_t i = begin; i < end; ++i) {
@@ -152,8 +150,8 @@ bool is_current(const MapState& map, const Centers& centers, const PositionBlock
     const size_t slot = i - begin;
     if (live_bit(p.live, slot) != (block.live & live_bit(true, slot))) return false;
     if (!p.live) continue;
-    if (moved_visibly(map, centers, p, block.positions[slot])) return false;
-    if (changed_notably(visibility_of(centers, p), block.visibility[slot])) return false;
+    if (moved_visibly(map, centers, p, block.positions[slot], options.visible_move)) return false;
+    if (changed_notably(visibility_of(centers, p), block.visibility[slot], options)) return false;
   }
   return true;
 }
@@ -162,13 +160,13 @@ bool is_current(const MapState& map, const Centers& centers, const PositionBlock
 /// removed ones nobody asks.
 std::vector<bool> moved_sources(const std::vector<std::shared_ptr<const KeyframeBlock>>& now,
                                 const std::vector<std::shared_ptr<const KeyframeBlock>>& before,
-                                const MapState& map) {
+                                const MapState& map, double visible_move) {
   std::vector<bool> moved(map.keyframes().size(), true);
   for (size_t b = 0; b < before.size(); ++b) {
     for (size_t s = 0; s < before[b]->keyframes.size(); ++s) {
       const size_t i = b * kBlockSlots + s;
       const MapKeyframe& k = map.keyframes()[i];
-      moved[i] = now[b] != before[b] && k.live && moved_visibly(k, before[b]->keyframes[s]);
+      moved[i] = now[b] != before[b] && k.live && moved_visibly(k, before[b]->keyframes[s], visible_move);
     }
   }
   return moved;
@@ -187,21 +185,22 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
   bool changed = !previous_ || previous_->name != name_ || previous_->cameras != next->cameras;
 
   for (size_t b = 0; b < block_count(map.keyframes().size()); ++b) {
-    const bool keep =
-        previous_ && b < previous_->keyframe_blocks.size() && is_current(map, *previous_->keyframe_blocks[b]);
+    const bool keep = previous_ && b < previous_->keyframe_blocks.size() &&
+                      is_current(map, *previous_->keyframe_blocks[b], options_);
     next->keyframe_blocks.push_back(keep ? previous_->keyframe_blocks[b] : cut_keyframes(map, b, version));
     changed |= !keep;
   }
   const std::vector<bool> moved = moved_sources(
       next->keyframe_blocks,
-      previous_ ? previous_->keyframe_blocks : std::vector<std::shared_ptr<const KeyframeBlock>>{}, map);
+      previous_ ? previous_->keyframe_blocks : std::vector<std::shared_ptr<const KeyframeBlock>>{}, map,
+      options_.visible_move);
   const Centers centers = camera_centers(map);
   for (size_t b = 0; b < block_count(map.points().size()); ++b) {
     const PointBlock* before =
         previous_ && b < previous_->point_blocks.size() ? previous_->point_blocks[b].get() : nullptr;
     const auto [begin, end] = block_range(b, map.points().size());
     const bool keep_patches = before && is_current(map, *before->patches);
-    const bool keep_positions = before && is_current(map, centers, *before->positions);
+    const bool keep_positions = before && is_current(map, centers, *before->positions, options_);
     bool source_moved = false;
     for (size_t i = begin; i < end; ++i) {
       const auto& source = map.points()[i].source;

@@ -3,25 +3,23 @@
 
 #include <string>
 
+#include "server/mapping/map_maker_options.h"
 #include "server/mapping/map_state.h"
 
 /// Cuts a map into the immutable blocks of common/map, renewing only what changed enough to be seen.
 namespace cairn {
 
-/// [px] as seen from the source keyframe: what moves by less is not sent again.
-inline constexpr double kVisibleMove = 0.2;
-
 /// Not thread-safe; the snapshots it gives are.
 class SnapshotBuilder {
  public:
-  SnapshotBuilder(MapId map, std::string name, Epoch epoch)
-      : map_(map), name_(std::move(name)), epoch_(epoch) {}
+  SnapshotBuilder(MapId map, std::string name, Epoch epoch, const PublicationOptions& options)
+      : map_(map), name_(std::move(name)), epoch_(epoch), options_(options) {}
 
   /// The next snapshot has this name.
   void rename(std::string name) { name_ = std::move(name); }
 
   /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
-  /// cut by more than what spans kVisibleMove at the source keyframe's distance (the mean depth, for a
+  /// cut by more than what spans `visible_move` at the source keyframe's distance (the mean depth, for a
   /// keyframe), or is now seen from notably elsewhere. Versions of new blocks are the revision's number.
   /// Without a new block the previous snapshot is given again.
   [[nodiscard]] MapSnapshotPtr build(const MapState& map);
@@ -30,6 +28,7 @@ class SnapshotBuilder {
   MapId map_;
   std::string name_;
   Epoch epoch_;
+  PublicationOptions options_;
   MapSnapshotPtr previous_;
 };
 

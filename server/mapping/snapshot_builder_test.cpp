@@ -43,7 +43,7 @@ class SnapshotBuilderTest : public ::testing::Test {
   }
 
   MapState map_;
-  SnapshotBuilder builder_{MapId{}, "test", Epoch{7}};
+  SnapshotBuilder builder_{MapId{}, "test", Epoch{7}, PublicationOptions()};
 };
 
 TEST_F(SnapshotBuilderTest, HoldsTheMap) {

@@ -4,7 +4,8 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kFirstKept = 2;  ///< problems hold the first, its tracker begins at the second
+constexpr size_t kFirstKept =
+    2;  ///< by definition: problems hold the first, its tracker begins at the second
 
 /// Whether a map without this keyframe still holds the measured point as well as with it.
 bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m, int observers) {

@@ -88,7 +88,8 @@ void ProposalAdministration::take(const asked::ShowProposal& ask, const AdminAns
                               {}};
     context_.executors.idle.submit([this, answer, whole = std::move(whole), kept = std::move(kept),
                                     snapshot = entry->snapshot, epochs = entry->epochs] {
-      context_.post([answer, whole, points = points_in(*snapshot, epochs, kept)]() mutable {
+      context_.post([answer, whole,
+                     points = points_in(*snapshot, epochs, kept, context_.options.mapping.refind)]() mutable {
         whole.expected_now = std::move(points);
         answer(std::move(whole));
       });

@@ -28,7 +28,7 @@ ProposalJudgement refuse(wire::OfferDecision decision, std::string reason) {
 }  // namespace
 
 ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
-                                 const wire::KeyframeOffer& offer) {
+                                 const wire::KeyframeOffer& offer, const RefindOptions& options) {
   using wire::OfferDecision;
   const auto pose = offer.epoch == map.epoch && offer.reference_command == 0
                         ? pose_in(map, offer.reference, offer.camera_from_reference)
@@ -40,7 +40,7 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
     return refuse(OfferDecision::kDamaged, std::move(fits.error().message));
   const StillMaskPtr still = still_mask_of(camera.width(), camera.height(), offer.still_mask);
   const auto images = prepare_images((**image).view(), still);
-  const auto points = expected_points(map, camera, *pose, *images, still, kMostPoints);
+  const auto points = expected_points(map, camera, *pose, *images, still, kMostPoints, options);
   std::vector<double> depths;
   for (const ExpectedPoint& point : points)
     if (point.found) depths.push_back(point.depth);
@@ -72,7 +72,7 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
 }
 
 Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map, std::span<const EpochRecord> epochs,
-                                             const KeptProposal& proposal) {
+                                             const KeptProposal& proposal, const RefindOptions& options) {
   const ProposalRecord& record = proposal.record;
   const auto same = ids_in_common(epochs, record.summary.epoch, map.epoch);
   const auto pose = same && record.reference.value <= same->keyframes
@@ -87,7 +87,8 @@ Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map, std::span<c
   if (image == nullptr || image->width() != (**camera).width() || image->height() != (**camera).height())
     return fail(ErrorCode::kDamaged, "its image is none");
   const StillMaskPtr still = still_mask_of(image->width(), image->height(), record.still_mask);
-  return expected_points(map, **camera, *pose, *prepare_images(image->view(), still), still, kMostPoints);
+  return expected_points(map, **camera, *pose, *prepare_images(image->view(), still), still, kMostPoints,
+                         options);
 }
 
 }  // namespace cairn

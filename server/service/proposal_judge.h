@@ -18,14 +18,16 @@ struct ProposalJudgement {
   KeptProposal kept;   ///< but for who, why, when and its number
 };
 
-/// `camera`: whose values are exact.
+/// `camera`: whose values are exact. `options`: as the map maker looks for known points.
 [[nodiscard]] ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
-                                               const wire::KeyframeOffer& offer);
+                                               const wire::KeyframeOffer& offer,
+                                               const RefindOptions& options);
 
 /// The points of the map as it is now in the image of a proposal. `epochs`: of the map, by which it is
 /// known what ids of an earlier one mean now. Errors: kRefused (its place in the map has gone), kDamaged.
 [[nodiscard]] Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map,
                                                            std::span<const EpochRecord> epochs,
-                                                           const KeptProposal& proposal);
+                                                           const KeptProposal& proposal,
+                                                           const RefindOptions& options);
 
 }  // namespace cairn

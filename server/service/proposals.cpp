@@ -71,7 +71,7 @@ void Proposals::propose(Client& client, const MapEntry& entry, wire::KeyframeOff
                    camera = camera.camera, offer = std::move(offer), why = std::move(why)] {
     ProposalJudgement judged{wire::OfferDecision::kDamaged, "internal error; the server's log says more", {}};
     try {
-      judged = judge_proposal(*snapshot, *camera, offer);
+      judged = judge_proposal(*snapshot, *camera, offer, context_.options.mapping.refind);
     } catch (const std::exception& problem) {  // memory, a library
       context_.log->error("internal error in a proposal of {}: {}", name, problem.what());
     }

@@ -95,7 +95,7 @@ int iterations_to(double goal, const Variant& variant, const BundleProblem& star
 
 /// Longest time between two questions whether to stop.
 double longest_poll_gap(const Variant& variant, const BundleProblem& start) {
-  BundleOptions options = global_options([] { return false; });
+  BundleOptions options = global_options(AdjustmentOptions(), [] { return false; });
   double last = thread_cpu_ms();
   double longest = 0;
   options.should_stop = [&] {
@@ -186,7 +186,7 @@ void compare(const std::string& name, const BundleProblem& start, const std::vec
     } else {
       std::printf("not in %d | -", kMostIterations);
     }
-    const Run product = best_of(repeats, variant, start, global_options({}));
+    const Run product = best_of(repeats, variant, start, global_options(AdjustmentOptions(), {}));
     std::printf(" | %d | %.1f | %.2f %% | %.1f |\n", product.report.iterations, product.ms,
                 100 * (product.report.final_cost / converged - 1), longest_poll_gap(variant, start));
     std::fflush(stdout);

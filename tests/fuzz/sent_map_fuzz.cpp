@@ -141,7 +141,7 @@ void decode(Bytes bytes) {
   const auto map = assemble_map(import.record(), RestoredImages::kStay);
   if (!map) return;
   const MapHeader& header = import.header();
-  SnapshotBuilder builder(header.id, header.name, header.epoch);
+  SnapshotBuilder builder(header.id, header.name, header.epoch, PublicationOptions());
   const MapSnapshotPtr snapshot = builder.build(map->state);
   for (const auto& block : snapshot->point_blocks) {
     demand_sent(wire::PointPatches{header.id, header.epoch, *block->patches});
