@@ -27,7 +27,7 @@ struct EncoderTurnOptions {
 /// still. Pure; one thread.
 class EncoderTurns {
  public:
-  explicit EncoderTurns(const EncoderTurnOptions& options = {}) : options_(options) {}
+  explicit EncoderTurns(const EncoderTurnOptions& options) : options_(options) {}
 
   /// In order of time; of time that goes back all is begun anew.
   void add(std::span<const EncoderSample> samples);

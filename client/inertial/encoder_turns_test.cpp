@@ -27,7 +27,7 @@ Timestamp at(double seconds) {
 }
 
 TEST(EncoderTurns, TurnAsTheCameraDoes) {
-  EncoderTurns encoders;
+  EncoderTurns encoders{EncoderTurnOptions()};
   encoders.add(from(0, 10));
   for (double t = 8.5; t < 9.9; t += 0.0431) {
     const auto turn = encoders.turn(at(t), at(t + 0.0333));
@@ -38,7 +38,7 @@ TEST(EncoderTurns, TurnAsTheCameraDoes) {
 }
 
 TEST(EncoderTurns, DoNotAnswerWhereSamplesAreMissing) {
-  EncoderTurns encoders;
+  EncoderTurns encoders{EncoderTurnOptions()};
   EXPECT_FALSE(encoders.turn(at(0), at(1)));
   encoders.add(from(1, 2));
   EXPECT_FALSE(encoders.turn(at(0.99), at(1.5)));

@@ -20,7 +20,7 @@ struct GyroBiasOptions {
 /// with the same variance for each axis. Pure.
 class GyroBias {
  public:
-  explicit GyroBias(const GyroBiasOptions& options = {}) : options_(options), sigma_(options.first_sigma) {}
+  explicit GyroBias(const GyroBiasOptions& options) : options_(options), sigma_(options.first_sigma) {}
 
   /// A turn over `seconds` as the images saw it, and as the gyro did with the present bias taken off.
   void learn(const Eigen::Quaterniond& seen, const Eigen::Quaterniond& measured, double seconds);

@@ -39,7 +39,7 @@ struct InertialSensorOptions {
 /// camera's. Pure; one thread.
 class InertialSensor {
  public:
-  explicit InertialSensor(const ImuMount& mount, const InertialSensorOptions& options = {});
+  explicit InertialSensor(const ImuMount& mount, const InertialSensorOptions& options);
 
   /// It sits otherwise, or its clock goes otherwise, than was known: counts for the samples of before too. A
   /// gyro with other axes is begun anew with, its bias as well.

@@ -61,7 +61,7 @@ ImuMount odd_mount() {
 TEST(InertialSensor, TurnsAsTheCameraDoesHoweverItSitsAndWhateverItsClock) {
   Measuring measuring;
   measuring.mount = odd_mount();
-  InertialSensor sensor(measuring.mount);
+  InertialSensor sensor(measuring.mount, InertialSensorOptions());
   sensor.add(measuring.from(0, 1));
   for (double t = 0.1; t < 0.9; t += 0.0331) {
     const auto turn = sensor.turn(at(t), at(t + 0.0333));
@@ -71,7 +71,7 @@ TEST(InertialSensor, TurnsAsTheCameraDoesHoweverItSitsAndWhateverItsClock) {
 }
 
 TEST(InertialSensor, TurnsOfPartsMakeTheTurnOfTheWhole) {
-  InertialSensor sensor(ImuMount{});
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());
   sensor.add(Measuring{}.from(0, 1));
   const auto whole = sensor.turn(at(0.2), at(0.5));
   const auto first = sensor.turn(at(0.2), at(0.313));
@@ -82,7 +82,7 @@ TEST(InertialSensor, TurnsOfPartsMakeTheTurnOfTheWhole) {
 
 TEST(InertialSensor, DoesNotAnswerWhereSamplesAreMissing) {
   const Measuring measuring;
-  InertialSensor sensor(ImuMount{});
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());
   EXPECT_FALSE(sensor.turn(at(0), at(0.1)));
   sensor.add(measuring.from(1, 2));
   EXPECT_FALSE(sensor.turn(at(0.99), at(1.1))) << "before the first";
@@ -103,7 +103,7 @@ TEST(InertialSensor, AGapInTheSamplesMakesATurnAcrossItLessSure) {
     return so3_exp({0.04 * std::sin(28 * t), 0.03 * std::sin(31 * t + 1), 0.02 * std::sin(25 * t)});
   };
   const auto turn_without = [&](double begin, double end) {
-    InertialSensor sensor(ImuMount{});
+    InertialSensor sensor(ImuMount{}, InertialSensorOptions());
     sensor.add(measuring.from(0, begin));
     sensor.add(measuring.from(end, 1));
     return sensor.turn(at(0.48), at(0.56)).value_or(CameraTurn());
@@ -126,7 +126,7 @@ TEST(InertialSensor, AGapInTheSamplesMakesATurnAcrossItLessSure) {
 
 TEST(InertialSensor, ToleratesSamplesTwiceAndLateAndBeginsAnewWhenTimeJumpsBack) {
   const Measuring measuring;
-  InertialSensor sensor(ImuMount{});
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());
   sensor.add(measuring.from(5, 6));
   sensor.add(measuring.from(5.9, 6.2));
   EXPECT_LT(angle(sensor.turn(at(5.95), at(6.1))->now_from_before, measuring.turn(5.95, 6.1)), 1e-4);
@@ -139,7 +139,7 @@ TEST(InertialSensor, LearnsTheBiasFromTheImagesAndTurnsWithoutIt) {
   Measuring measuring;
   measuring.mount = odd_mount();
   measuring.bias = {0.02, -0.015, 0.01};
-  InertialSensor sensor(measuring.mount);
+  InertialSensor sensor(measuring.mount, InertialSensorOptions());
   sensor.add(measuring.from(0, 0.5));
   const double doubt = sensor.turn(at(0.1), at(0.4))->sigma;
   for (int i = 0; i < 300; ++i) {
@@ -156,7 +156,7 @@ TEST(InertialSensor, LearnsTheBiasFromTheImagesAndTurnsWithoutIt) {
 TEST(InertialSensor, AGyroThatSitsOtherwiseContradictsTheImages) {
   Measuring measuring;
   measuring.mount = odd_mount();
-  InertialSensor sensor(ImuMount{});  // as if its axes were the camera's
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());  // as if its axes were the camera's
   for (int i = 0; i < 60; ++i) {
     const double t = i / 30.0;
     sensor.add(measuring.from(t, t + 1 / 30.0));
@@ -172,7 +172,7 @@ TEST(InertialSensor, AnotherClockCountsForTheSamplesOfBeforeAndOtherAxesBeginAne
   measuring.mount = odd_mount();
   ImuMount guessed = measuring.mount;
   guessed.clock_offset -= std::chrono::milliseconds(30);
-  InertialSensor sensor(guessed);
+  InertialSensor sensor(guessed, InertialSensorOptions());
   sensor.add(measuring.from(0, 1));
   EXPECT_GT(angle(sensor.turn(at(0.5), at(0.6))->now_from_before, measuring.turn(0.5, 0.6)), 1e-3);
   sensor.use(measuring.mount);
@@ -187,7 +187,7 @@ TEST(InertialSensor, AnotherClockCountsForTheSamplesOfBeforeAndOtherAxesBeginAne
 TEST(InertialSensor, KnowsWhereUpIsWhileItTurns) {
   Measuring measuring;
   measuring.mount = odd_mount();
-  InertialSensor sensor(measuring.mount);
+  InertialSensor sensor(measuring.mount, InertialSensorOptions());
   EXPECT_FALSE(sensor.up(at(0)));
   sensor.add(measuring.from(0, 4));
   const auto up = sensor.up(at(3.9));
@@ -202,7 +202,7 @@ TEST(InertialSensor, AShakenOneKnowsUpLaterAndIsNotDeceived) {
   measuring.moved = [](double t) {
     return Eigen::Vector3d(6 * std::sin(12 * t), 6 * std::cos(9 * t), 5 * std::sin(15 * t));
   };
-  InertialSensor sensor(ImuMount{});
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());
   sensor.add(measuring.from(0, 0.5));
   EXPECT_FALSE(sensor.up(at(0.5))) << "half a second of strong motion tells nothing";
   for (double t = 0.5; t < 40; t += 0.5) {
@@ -218,7 +218,7 @@ TEST(InertialSensor, AShakenOneKnowsUpLaterAndIsNotDeceived) {
 }
 
 TEST(InertialSensor, FallingItDoesNotKnowUp) {
-  InertialSensor sensor(ImuMount{});
+  InertialSensor sensor(ImuMount{}, InertialSensorOptions());
   std::vector<ImuSample> samples = Measuring{}.from(0, 1);
   for (ImuSample& sample : samples) sample.acceleration.setZero();
   sensor.add(samples);

@@ -20,7 +20,7 @@ struct UpFilterOptions {
 /// slower the more it is shaken. Pure.
 class UpFilter {
  public:
-  explicit UpFilter(const UpFilterOptions& options = {}) : options_(options) {}
+  explicit UpFilter(const UpFilterOptions& options) : options_(options) {}
 
   /// One sample, `step` [s] after the one before (0: the first): rate of turn without bias, known to
   /// `rate_sigma` [rad/s], and acceleration, in the camera's axes.

@@ -97,7 +97,7 @@ Honesty measure(const Motion& motion) {
   Honesty honesty;
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     Wearer wearer(motion, seed);
-    InertialSensor sensor(ImuMount{});
+    InertialSensor sensor(ImuMount{}, InertialSensorOptions());
     const int per_frame = static_cast<int>(kRate / kFrames);
     for (int frame = 1; frame < kSeconds * kFrames; ++frame) {
       std::vector<ImuSample> samples;

@@ -48,7 +48,7 @@ struct DescribedViewsOptions {
 /// adjustments. Bounded: the oldest views go first. Pure; one thread.
 class DescribedViews {
  public:
-  explicit DescribedViews(const DescribedViewsOptions& options = {}) : options_(options) {}
+  explicit DescribedViews(const DescribedViewsOptions& options) : options_(options) {}
 
   /// Describes the points of a frame if its camera is far enough from the views described so far.
   void remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,

@@ -51,7 +51,7 @@ class DescribedViewsTest : public ::testing::Test {
   SE3 home = looking_down(0, 0);
   MapSnapshotPtr map = scene.make_map(home);
   KeyframeId reference;
-  DescribedViews views;
+  DescribedViews views{DescribedViewsOptions()};
 };
 
 TEST_F(DescribedViewsTest, APlaceIsRecognizedFromAsideRolledAndFromFarther) {
@@ -75,7 +75,7 @@ TEST_F(DescribedViewsTest, WhatItHasNotSeenItDoesNotRecognize) {
 
 TEST_F(DescribedViewsTest, WhoHasSeenNothingKnowsNothing) {
   EXPECT_TRUE(views.knows(*map));
-  DescribedViews empty;
+  DescribedViews empty{DescribedViewsOptions()};
   EXPECT_FALSE(empty.knows(*map));
   EXPECT_FALSE(empty.recognize({}, *camera, *map, home, 1.0, 1));
 }

@@ -22,7 +22,7 @@ struct KeyframeRoundsOptions {
 /// never come nearer to a keyframe's direction. One thread.
 class KeyframeRounds {
  public:
-  explicit KeyframeRounds(const KeyframeRoundsOptions& options = {}) : options_(options) {}
+  explicit KeyframeRounds(const KeyframeRoundsOptions& options) : options_(options) {}
 
   /// The next pose; nothing for a map without keyframes.
   [[nodiscard]] std::optional<SE3> next(const MapSnapshot& map) {

@@ -32,7 +32,7 @@ struct PlaceMemoryOptions {
 /// that comes back with the map. Of all maps that it was in; bounded: the oldest views go first. One thread.
 class PlaceMemory {
  public:
-  explicit PlaceMemory(const PlaceMemoryOptions& options = {}) : options_(options) {}
+  explicit PlaceMemory(const PlaceMemoryOptions& options) : options_(options) {}
 
   /// Remembers a frame if its camera is far enough from the views remembered last.
   void remember(const FrameImages& frame, const MapSnapshot& map, KeyframeId reference,

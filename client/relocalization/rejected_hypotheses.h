@@ -18,7 +18,7 @@ struct RejectedHypothesesOptions {
 /// that is told of no other may take its place for a new one. Times are of the frames. One thread.
 class RejectedHypotheses {
  public:
-  explicit RejectedHypotheses(const RejectedHypothesesOptions& options = {}) : options_(options) {}
+  explicit RejectedHypotheses(const RejectedHypothesesOptions& options) : options_(options) {}
 
   void reject(const PoseHypothesis& place, Timestamp time);
   [[nodiscard]] bool is_rejected(const PoseHypothesis& place, Timestamp time) const;

@@ -26,7 +26,7 @@ int reject_until(RejectedHypotheses* places, const PoseHypothesis& hypothesis, i
 }
 
 TEST(RejectedHypotheses, OnlyWhatFailsAgainAndAgainIsRejectedAndOnlyThere) {
-  RejectedHypotheses places;
+  RejectedHypotheses places{RejectedHypothesesOptions()};
   EXPECT_FALSE(places.is_rejected(place(1), {0}));
   EXPECT_GT(reject_until(&places, place(1), 0), 1);
   EXPECT_FALSE(places.is_rejected(place(2), {kSecond}));
@@ -36,7 +36,7 @@ TEST(RejectedHypotheses, OnlyWhatFailsAgainAndAgainIsRejectedAndOnlyThere) {
 }
 
 TEST(RejectedHypotheses, ItIsForgottenInTimeAndWhenSomethingIsVerified) {
-  RejectedHypotheses places;
+  RejectedHypotheses places{RejectedHypothesesOptions()};
   const int times = reject_until(&places, place(1), 0);
   EXPECT_TRUE(places.is_rejected(place(1), {2 * kSecond}));
   EXPECT_FALSE(places.is_rejected(place(1), {60 * kSecond}));

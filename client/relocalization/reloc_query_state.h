@@ -28,7 +28,7 @@ struct RelocQueryOptions {
 /// after half a second. Pure; one thread.
 class RelocQueryState {
  public:
-  explicit RelocQueryState(const RelocQueryOptions& options = {})
+  explicit RelocQueryState(const RelocQueryOptions& options)
       : options_(options), rejected_(options.rejected) {}
 
   /// The frame described, if a query may be made now; else null.

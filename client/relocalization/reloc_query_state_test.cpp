@@ -33,7 +33,7 @@ class RelocQueryStateTest : public ::testing::Test {
  protected:
   const FrameImages full_ = view_of(1);
   const FrameImages poor_ = view_of(0.1);
-  RelocQueryState query_;
+  RelocQueryState query_{RelocQueryOptions()};
 };
 
 TEST_F(RelocQueryStateTest, OneIsUnderWayAndFifteenASecondAreAsked) {

@@ -39,7 +39,7 @@ struct VerifiedPathOptions {
 /// step between two frames is mostly noise. Bounded; pure; one thread.
 class VerifiedPath {
  public:
-  explicit VerifiedPath(const VerifiedPathOptions& options = {}) : options_(options) {}
+  explicit VerifiedPath(const VerifiedPathOptions& options) : options_(options) {}
 
   /// The next one.
   void add(const AnchoredPose& pose, Timestamp time);

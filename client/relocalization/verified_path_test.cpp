@@ -52,7 +52,7 @@ class VerifiedPathTest : public ::testing::Test {
   test::PlaneScene scene{21, camera};
   MapSnapshotPtr map = scene.make_map(seen_from({0, 0, -1}));
   KeyframePose keyframe = map->keyframe_blocks.front()->keyframes.front();
-  VerifiedPath path;
+  VerifiedPath path{VerifiedPathOptions()};
   double end = 0;
 };
 

@@ -73,7 +73,7 @@ TEST(ImuReceiver, StatesThatComeLateAt400HzLoseSamplesAcrossWhichTheTurnIsKnownA
     }
     std::vector<ImuSample> samples;
     queue.take({}, &samples);
-    InertialSensor sensor(queue.mount().value());
+    InertialSensor sensor(queue.mount().value(), InertialSensorOptions());
     sensor.add(samples);
     return sensor;
   };

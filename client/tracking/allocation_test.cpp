@@ -107,7 +107,7 @@ TEST(Allocations, FollowingWhatIsProvisionalTakesNone) {
                        Eigen::Vector3d(0.02 * std::sin(angle), 0, 0));
     images.push_back(room.render(poses.back(), 2, static_cast<uint64_t>(i)));
   }
-  ProvisionalPoints points(camera);
+  ProvisionalPoints points(camera, ProvisionalPointsOptions(), PoseJudgementOptions());
   FrameImages frame;
   const auto follow = [&](size_t i) {
     frame.build_pyramid(images[i]->view());

@@ -26,7 +26,7 @@ struct ExposureOptions {
 /// follows an automatic exposure within some 20 frames in motion. Takes no memory. Pure; one thread.
 class Exposure {
  public:
-  explicit Exposure(const ExposureOptions& options = {}) : options_(options) {}
+  explicit Exposure(const ExposureOptions& options) : options_(options) {}
 
   /// The next frame has come `seconds` after the one before; meanwhile the small images moved by `motion`.
   /// What is known of its smear is noted in it.

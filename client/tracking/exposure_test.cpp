@@ -82,7 +82,7 @@ class Film {
 TEST(ExposureTest, IsEstimatedFromTheSmear) {
   for (const double share : {0.0, 0.25, 0.5, 0.9}) {
     Film film(share);
-    Exposure exposure;
+    Exposure exposure{ExposureOptions()};
     for (int i = 0; i < 30; ++i)
       film.play((i % 2 == 0 ? 1.0F : -1.0F) * (3 + 0.2F * static_cast<float>(i)), &exposure);
     EXPECT_NEAR(exposure.seconds(), share * kFrameTime, 0.12 * kFrameTime) << share;
@@ -93,13 +93,13 @@ TEST(ExposureTest, IsEstimatedFromTheSmear) {
 
 TEST(ExposureTest, WhoHardlyMovesTellsNothing) {
   Film film(0.5);
-  Exposure exposure;
+  Exposure exposure{ExposureOptions()};
   for (int i = 0; i < 20; ++i) film.play(1, &exposure);
   EXPECT_EQ(exposure.seconds(), 0);
 }
 
 TEST(ExposureTest, FramesWithoutTimeBetweenThemHaveNoKnownSmear) {
-  Exposure exposure;
+  Exposure exposure{ExposureOptions()};
   FrameImages frame;
   frame.build_pyramid(GrayImage(64, 48).view());
   exposure.next_frame({}, 0, &frame);

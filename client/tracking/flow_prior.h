@@ -27,7 +27,7 @@ struct FlowPriorOptions {
 class FlowPrior {
  public:
   /// `seed` of random choices.
-  FlowPrior(CameraPtr camera, uint64_t seed, const FlowPriorOptions& options = {})
+  FlowPrior(CameraPtr camera, uint64_t seed, const FlowPriorOptions& options)
       : camera_(std::move(camera)), seed_(seed), options_(options) {}
 
   /// Other values of the same camera, from now on.

@@ -31,7 +31,7 @@ struct FrustumOptions {
 /// projects into the image, and few others. Immutable.
 class Frustum {
  public:
-  explicit Frustum(const Camera& camera, const FrustumOptions& options = {});
+  explicit Frustum(const Camera& camera, const FrustumOptions& options);
 
   struct Side {
     Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();  ///< unit, camera frame, inwards

@@ -51,7 +51,7 @@ TEST(Frustum, HoldsWhatProjectsIntoTheImageAndLittleElse) {
   std::mt19937 engine(kSeed);
   for (const CameraParameters& parameters : cameras()) {
     const auto camera = make_camera(parameters).value();
-    const Frustum frustum(*camera);
+    const Frustum frustum(*camera, FrustumOptions());
     int in_image = 0;
     int held_outside = 0;
     for (int i = 0; i < 20000; ++i) {
@@ -71,7 +71,7 @@ TEST(Frustum, HoldsWhatProjectsIntoTheImageAndLittleElse) {
 TEST(Frustum, PassesOverASphereOnlyIfAllOfItIsOutOfView) {
   std::mt19937 engine(kSeed);
   const auto camera = make_camera(cameras()[1]).value();
-  const Frustum frustum(*camera);
+  const Frustum frustum(*camera, FrustumOptions());
   int passed_over = 0;
   for (int i = 0; i < 2000; ++i) {
     const Eigen::Vector3f center = 2 * random_vector(engine);
@@ -88,7 +88,7 @@ TEST(Frustum, PassesOverASphereOnlyIfAllOfItIsOutOfView) {
 TEST(Frustum, BlocksAreJudgedAsTheirPoints) {
   std::mt19937 engine(kSeed);
   const auto camera = make_camera(cameras()[0]).value();
-  const Frustum frustum(*camera);
+  const Frustum frustum(*camera, FrustumOptions());
   const double extra = 35 * std::numbers::pi / 180;
   int passed = 0;
   for (int i = 0; i < 200; ++i) {
@@ -122,7 +122,7 @@ TEST(Frustum, BlocksAreJudgedAsTheirPoints) {
 /// On a patch near the axis of a pinhole camera the estimate is the determinant of the warp.
 TEST(Frustum, CoarsePointsAreThoseOfTheWarpsLevel) {
   const auto camera = make_camera(cameras()[0]).value();
-  const Frustum frustum(*camera);
+  const Frustum frustum(*camera, FrustumOptions());
   std::mt19937 engine(kSeed);
   int coarse = 0;
   for (int i = 0; i < 300; ++i) {

@@ -22,7 +22,7 @@ struct GyroPriorOptions {
 /// the rig that carries it, and for how long the gyro alone may be relied on. Pure; one thread.
 class GyroPrior {
  public:
-  explicit GyroPrior(const GyroPriorOptions& options = {}) : options_(options), encoders_(options.encoders) {}
+  explicit GyroPrior(const GyroPriorOptions& options) : options_(options), encoders_(options.encoders) {}
 
   /// The camera has an IMU that sits so, from now on; nothing: it has none, or that is not known.
   void use(const std::optional<ImuMount>& mount);

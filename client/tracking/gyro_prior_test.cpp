@@ -14,7 +14,7 @@ constexpr double kReach = 30.0 / 525;       // [rad]
 
 /// Frames of a camera at rest, whose gyro has a bias; how many it is carried blindly.
 int frames_carried(int frames_before, double bias) {
-  GyroPrior gyro;
+  GyroPrior gyro{GyroPriorOptions()};
   gyro.use(ImuMount{});
   for (int i = 0; i < 2000; ++i) {
     for (int64_t k = 1; k <= kSamplesPerFrame; ++k) {
@@ -42,7 +42,7 @@ TEST(GyroPrior, CarriesForABoundedTimeThatIsLongerWhereItsBiasIsKnown) {
 }
 
 TEST(GyroPrior, SaysWhatItIsUsedFor) {
-  GyroPrior gyro;
+  GyroPrior gyro{GyroPriorOptions()};
   gyro.next_frame({0});
   gyro.next_frame({kFrameTime});
   EXPECT_EQ(gyro.use(), ImuUse::kNone);
@@ -60,7 +60,7 @@ TEST(GyroPrior, SaysWhatItIsUsedFor) {
 }
 
 TEST(GyroPrior, EncodersTellWhatNoGyroDoesAndCarryNothing) {
-  GyroPrior gyro;
+  GyroPrior gyro{GyroPriorOptions()};
   const auto panned = [](double angle) { return Eigen::Quaterniond(so3_exp({0, 0, angle})); };
   const std::array<EncoderSample, 2> samples = {{{{0}, panned(0.1)}, {{kFrameTime}, panned(0.3)}}};
   gyro.add(samples);
@@ -70,7 +70,7 @@ TEST(GyroPrior, EncodersTellWhatNoGyroDoesAndCarryNothing) {
   EXPECT_NEAR(so3_log(gyro.turn()->rotation()).z(), -0.2, 1e-9);
   EXPECT_EQ(gyro.use(), ImuUse::kNone);
   EXPECT_FALSE(gyro.carries(kReach)) << "what carries the rig may have turned";
-  GyroPrior both;
+  GyroPrior both{GyroPriorOptions()};
   both.use(ImuMount{});
   const std::array<ImuSample, 2> still = {
       {{{0}, {0, 0, 0}, {0, -9.8, 0}}, {{kFrameTime}, {0, 0, 0}, {0, -9.8, 0}}}};
@@ -83,7 +83,7 @@ TEST(GyroPrior, EncodersTellWhatNoGyroDoesAndCarryNothing) {
 }
 
 TEST(GyroPrior, ATurnThatIsCountedIsNone) {
-  GyroPrior gyro;
+  GyroPrior gyro{GyroPriorOptions()};
   gyro.counted();
   EXPECT_FALSE(gyro.turn()) << "none is made up";
   gyro.use(ImuMount{});

@@ -17,6 +17,10 @@ struct KeyframePolicyOptions {
   float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
   double need_distance = 0.1;  ///< of `distance`, which is enough then
+  /// Of the corners that tell what the map does not know (map_growth).
+  int area_level = 1;          ///< as the server's own
+  int area_barrier = 10;       ///< [grey levels] of FAST's score (PTAM r114)
+  float area_texture = 70.0F;  ///< Shi-Tomasi's measure (PTAM r114)
 };
 
 /// When a frame is worth offering as a keyframe: far enough from those of the map, not too soon

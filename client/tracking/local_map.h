@@ -78,7 +78,7 @@ struct LocalMapOptions {
 /// number; one thread; equal inputs give equal bytes.
 class LocalMap {
  public:
-  explicit LocalMap(const LocalMapOptions& options = {}) : options_(options) {}
+  explicit LocalMap(const LocalMapOptions& options) : options_(options) {}
 
   void clear();
   /// The camera is known in this map: what hangs on another is forgotten. Until then it stays, for a map that

@@ -54,7 +54,7 @@ class LocalMapTest : public ::testing::Test {
     local_.advance(at(ms), &counted_);
   }
   MapSnapshotPtr map_ = map_with({{KeyframeId{1}, SE3(), 1}});
-  LocalMap local_;
+  LocalMap local_{LocalMapOptions()};
   std::vector<uint64_t> counted_;
 };
 

@@ -5,6 +5,7 @@
 
 #include "common/geometry/view_span.h"
 #include "common/image/known_area.h"
+#include "common/image/patch_border.h"
 
 namespace cairn {
 
@@ -21,15 +22,17 @@ bool widens_map(const MapSnapshot& map, const Eigen::Vector3d& center, double me
   return widens_young_map(std::span(centers).first(count), center, mean_depth);
 }
 
-bool shows_new_area(const FrameImages& frame, std::span<const VisiblePoint> points, StageProbe* probe) {
+bool shows_new_area(const FrameImages& frame, std::span<const VisiblePoint> points,
+                    const KeyframePolicyOptions& options, StageProbe* probe) {
   const ScopedStage stage(probe, Stage::kCorners);
-  constexpr int kLevel = 1;
-  const GrayView& image = frame.pyramid.level(kLevel);
+  const int level = options.area_level;
+  const GrayView& image = frame.pyramid.level(level);
   KnownArea area(image.width, image.height);
-  for (const Candidate& c : find_candidates(image, frame.corners(kLevel)))
+  for (const Candidate& c :
+       find_candidates(image, frame.corners(level), options.area_barrier, kPatchBorder, options.area_texture))
     area.add_corner(c.corner.x, c.corner.y);
   for (const VisiblePoint& p : points) {
-    if (p.found) area.add_measurement(to_level(p.pixel.x(), kLevel), to_level(p.pixel.y(), kLevel));
+    if (p.found) area.add_measurement(to_level(p.pixel.x(), level), to_level(p.pixel.y(), level));
   }
   return area.unknown_fraction() >= KnownArea::kNewAreaFraction;
 }

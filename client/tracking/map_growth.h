@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <span>
 
+#include "client/tracking/keyframe_policy.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/stage.h"
 #include "common/image/frame_images.h"
@@ -18,6 +19,6 @@ namespace cairn {
 
 /// The frame shows enough that the points found in it do not cover, as the map maker judges it.
 [[nodiscard]] bool shows_new_area(const FrameImages& frame, std::span<const VisiblePoint> points,
-                                  StageProbe* probe);
+                                  const KeyframePolicyOptions& options, StageProbe* probe);
 
 }  // namespace cairn

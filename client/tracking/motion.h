@@ -31,7 +31,7 @@ struct StepCorrectionOptions {
 /// dropped; PTAM r114).
 class MotionModel {
  public:
-  explicit MotionModel(const MotionOptions& options = {}) : options_(options) {}
+  explicit MotionModel(const MotionOptions& options) : options_(options) {}
 
   /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
@@ -70,7 +70,7 @@ class MotionModel {
 /// motion that the translation explains already is not counted twice (PTAM drops the translation instead;
 /// PTAM r114).
 [[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera,
-                               double mean_depth, const StepCorrectionOptions& options = {});
+                               double mean_depth, const StepCorrectionOptions& options);
 
 /// Corrects a camera step whose turn is known by what the tiny images saw: adds the translation across the
 /// view that makes a point at `mean_depth` in the middle move as `seen` says.

@@ -16,7 +16,7 @@ CameraPtr test_camera() {
 
 TEST(MotionModel, PredictsConstantVelocityWhateverTheFrameSpacing) {
   const Vector6d velocity = (Vector6d() << 0.3, -0.1, 0.2, 0.1, 0.4, -0.2).finished();  // per second
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   SE3 pose;
   Timestamp time{1'000'000'000};
   model.reset(pose, time);
@@ -33,7 +33,7 @@ TEST(MotionModel, PredictsConstantVelocityWhateverTheFrameSpacing) {
 }
 
 TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   model.reset(SE3(), {0});
   model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0, 0).finished()), {kFrame});
   const double before = model.velocity().norm();
@@ -44,7 +44,7 @@ TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
 
 // Frames that fail one after another would else be looked at from where the camera was before all of them.
 TEST(MotionModel, TurnsOfMissedFramesAddUp) {
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   model.reset(SE3(), {0});
   const SE3 turn(so3_exp(Eigen::Vector3d(0, 0.05, 0)), Eigen::Vector3d::Zero());
   for (int i = 0; i < 3; ++i) model.missed(turn);
@@ -52,7 +52,7 @@ TEST(MotionModel, TurnsOfMissedFramesAddUp) {
 }
 
 TEST(MotionModel, AKnownTurnTakesThePlaceOfTheForetoldOne) {
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   model.reset(SE3(), {0});
   model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0.02, 0).finished()), {kFrame});
   const SE3 turn(so3_exp({0.1, 0, -0.2}), Eigen::Vector3d::Zero());
@@ -77,7 +77,7 @@ TEST(CorrectTranslation, APointInTheMiddleMovesAsSeenAndTheTurnStays) {
 
 TEST(MotionModel, ALeapIsWhatNoHandCanDo) {
   constexpr double kDepth = 0.5;
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   model.reset(SE3(), {0});
   const auto leaps = [&](double metres, int frames) {
     const SE3 pose(Eigen::Quaterniond::Identity(), {0, metres, 0});
@@ -95,7 +95,7 @@ TEST(MotionModel, ALeapIsWhatNoHandCanDo) {
 }
 
 TEST(MotionModel, LongGapsAreNotExtrapolated) {
-  MotionModel model;
+  MotionModel model{MotionOptions()};
   model.reset(SE3(), {0});
   model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0, 0).finished()), {kFrame});
   const double step = model.predicted_step({kFrame + 60'000'000'000}).translation().norm();
@@ -122,7 +122,8 @@ TEST(CorrectStep, LeavesAStepThatExplainsTheImageMotion) {
   const auto camera = test_camera();
   const double depth = 1.2;
   const SE3 step = SE3::exp((Vector6d() << 0.02, -0.01, 0.0, 0.005, 0.01, 0.02).finished());
-  const SE3 corrected = correct_step(step, tiny_motion_of(step, *camera, depth), *camera, depth);
+  const SE3 corrected =
+      correct_step(step, tiny_motion_of(step, *camera, depth), *camera, depth, StepCorrectionOptions());
   EXPECT_LT((corrected * step.inverse()).log().norm(), 2e-3);
 }
 
@@ -133,7 +134,8 @@ TEST(CorrectStep, FindsARotationThatThePredictionMissed) {
       Vector6d xi = Vector6d::Zero();
       xi(3 + axis) = angle;
       const SE3 truth = SE3::exp(xi);
-      const SE3 corrected = correct_step(SE3(), tiny_motion_of(truth, *camera, 1.0), *camera, 1.0);
+      const SE3 corrected =
+          correct_step(SE3(), tiny_motion_of(truth, *camera, 1.0), *camera, 1.0, StepCorrectionOptions());
       EXPECT_LT((corrected * truth.inverse()).log().norm(), 0.1 * std::abs(angle)) << "axis " << axis;
     }
   }

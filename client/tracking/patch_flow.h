@@ -23,7 +23,7 @@ struct PatchFlowOptions {
 [[nodiscard]] std::optional<Eigen::Vector2f> follow_patch(const FrameImages& previous, const FrameImages& now,
                                                           const Eigen::Vector2f& from,
                                                           const Eigen::Vector2f& expected,
-                                                          const PatchFlowOptions& options = {});
+                                                          const PatchFlowOptions& options);
 
 /// Where a level-0 pixel of an image goes that moves as its small image does.
 [[nodiscard]] Eigen::Vector2f moved_by(const TinyMotion& motion, const Eigen::Vector2f& pixel,

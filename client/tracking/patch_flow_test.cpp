@@ -46,7 +46,7 @@ Followed follow_all(const Eigen::Vector2d& aside, double sigma) {
     for (float x = 60; x < kWidth - 60; x += 12) {
       const Eigen::Vector2f from(x, y);
       ++all.tried;
-      const auto there = follow_patch(previous, now, from, from);
+      const auto there = follow_patch(previous, now, from, from, PatchFlowOptions());
       if (!there) continue;
       ++all.found;
       all.right += (*there - from - aside.cast<float>()).norm() < 1 ? 1 : 0;
@@ -78,7 +78,7 @@ TEST(PatchFlow, WhatIsNotThereIsNotFound) {
   for (float y = 60; y < kHeight - 60; y += 12) {
     for (float x = 60; x < kWidth - 60; x += 12) {
       ++tried;
-      found += follow_patch(previous, now, {x, y}, {x, y}) ? 1 : 0;
+      found += follow_patch(previous, now, {x, y}, {x, y}, PatchFlowOptions()) ? 1 : 0;
     }
   }
   EXPECT_LT(found, 0.15 * tried);

@@ -56,7 +56,7 @@ struct PointSearchOptions {
 /// warped templates of points from frame to frame. One thread.
 class PointSearch {
  public:
-  explicit PointSearch(CameraPtr camera, const PointSearchOptions& options = {});
+  explicit PointSearch(CameraPtr camera, const PointSearchOptions& options);
 
   /// Other values of the same camera, from now on.
   void use_camera(CameraPtr camera);

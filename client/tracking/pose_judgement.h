@@ -30,6 +30,6 @@ struct PoseJudgement {
 /// By the information that the observations of a frame have of (translation, rotation), left tangent.
 /// `mean_depth` [map unit] of what the camera looks at.
 [[nodiscard]] PoseJudgement judge_pose(const Matrix6d& information, double mean_depth,
-                                       const PoseJudgementOptions& options = {});
+                                       const PoseJudgementOptions& options);
 
 }  // namespace cairn

@@ -6,14 +6,10 @@
 #include <cmath>
 #include <utility>
 
+#include "common/image/patch_border.h"
 #include "common/image/smear.h"
 
 namespace cairn {
-namespace {
-
-constexpr int kBorder = 14;  // [level px] room for the patch that is cut
-
-}  // namespace
 
 ProvisionalPoints::ProvisionalPoints(CameraPtr camera, const ProvisionalPointsOptions& options,
                                      const PoseJudgementOptions& judgement)
@@ -375,8 +371,8 @@ void ProvisionalPoints::begin_level(const FrameImages& now, const KnownPose& pos
   best.fill({{}, options_.least_texture});
   const GrayImage& image = now.pyramid.level(level);
   for (const Corner& c : now.corners(level).corners) {
-    const bool has_room =
-        c.x >= kBorder && c.y >= kBorder && c.x < image.width() - kBorder && c.y < image.height() - kBorder;
+    const bool has_room = c.x >= kPatchBorder && c.y >= kPatchBorder && c.x < image.width() - kPatchBorder &&
+                          c.y < image.height() - kPatchBorder;
     if (!has_room) continue;
     const size_t cell = cell_of({from_level(c.x, level), from_level(c.y, level)});
     if (cells_[cell] >= options_.cell_limit) continue;

@@ -68,8 +68,8 @@ class ProvisionalPoints {
  public:
   static constexpr size_t kMostPoints = 200;
 
-  explicit ProvisionalPoints(CameraPtr camera, const ProvisionalPointsOptions& options = {},
-                             const PoseJudgementOptions& judgement = {});
+  explicit ProvisionalPoints(CameraPtr camera, const ProvisionalPointsOptions& options,
+                             const PoseJudgementOptions& judgement);
 
   /// Other values of the same camera, from now on: what was seen with the old ones is forgotten.
   void use_camera(CameraPtr camera);

@@ -40,7 +40,7 @@ class ProvisionalPointsTest : public ::testing::Test {
   CameraPtr camera_ = test_camera();
   test::RoundRoom room_{3, camera_, kRadius};
   MapSnapshotPtr map_ = room_.empty_map(SE3());
-  ProvisionalPoints points_{camera_};
+  ProvisionalPoints points_{camera_, ProvisionalPointsOptions(), PoseJudgementOptions()};
   std::array<FrameImages, 2> frames_;
   size_t shots_ = 0;
   SE3 last_;
@@ -54,7 +54,9 @@ class ProvisionalPointsTest : public ::testing::Test {
     now().build_pyramid(room_.render(truth, kNoise, shots_)->view());
     now().build_tiny();
     if (shots_ == 1) return truth;
-    return correct_step(SE3(), align_tiny(previous.tiny, now().tiny), *camera_, kRadius) * last_;
+    return correct_step(SE3(), align_tiny(previous.tiny, now().tiny), *camera_, kRadius,
+                        StepCorrectionOptions()) *
+           last_;
   }
   /// Into the next frame; where the tracker would look for the camera.
   SE3 follow(const SE3& truth) {
@@ -255,17 +257,18 @@ TEST_F(ProvisionalPointsTest, EqualFramesGiveEqualBits) {
 
 TEST(JudgePose, SaysWhatIsDetermined) {
   Matrix6d information = Matrix6d::Zero();
-  EXPECT_EQ(judge_pose(information, 1).support, PoseSupport::kNone);
+  EXPECT_EQ(judge_pose(information, 1, PoseJudgementOptions()).support, PoseSupport::kNone);
   information.bottomRightCorner<3, 3>().diagonal().setConstant(1e6);  // 1 mrad
-  EXPECT_EQ(judge_pose(information, 1).support, PoseSupport::kRotation);
-  EXPECT_NEAR(judge_pose(information, 1).rotation_sigma, 1e-3, 1e-9);
+  EXPECT_EQ(judge_pose(information, 1, PoseJudgementOptions()).support, PoseSupport::kRotation);
+  EXPECT_NEAR(judge_pose(information, 1, PoseJudgementOptions()).rotation_sigma, 1e-3, 1e-9);
   information.topLeftCorner<3, 3>().diagonal() << 1e6, 1e6, 1e2;  // 10 cm along the axis
-  EXPECT_EQ(judge_pose(information, 1).support, PoseSupport::kRotation);
-  EXPECT_EQ(judge_pose(information, 20).support, PoseSupport::kPosition) << "0.5 % of the depth";
+  EXPECT_EQ(judge_pose(information, 1, PoseJudgementOptions()).support, PoseSupport::kRotation);
+  EXPECT_EQ(judge_pose(information, 20, PoseJudgementOptions()).support, PoseSupport::kPosition)
+      << "0.5 % of the depth";
   // A step to the side that turning explains as well.
   information(0, 4) = information(4, 0) = 0.99999 * 1e6;
-  EXPECT_EQ(judge_pose(information, 20).support, PoseSupport::kRotation);
-  EXPECT_EQ(judge_pose(Matrix6d::Zero(), 1).support, PoseSupport::kNone);
+  EXPECT_EQ(judge_pose(information, 20, PoseJudgementOptions()).support, PoseSupport::kRotation);
+  EXPECT_EQ(judge_pose(Matrix6d::Zero(), 1, PoseJudgementOptions()).support, PoseSupport::kNone);
 }
 
 }  // namespace

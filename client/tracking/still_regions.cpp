@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tracking/still_regions.h"
+#include "common/image/patch_border.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -36,7 +37,7 @@ bool StillRegions::learn(const Pyramid& frame) {
   if (!last_.empty() && !has_changed(level3)) return false;
   has_judged_ |= ++looks_ >= options_.most_looks;
   detect_fast10(level0, options_.fast_threshold, &fast_);
-  corners_ = find_candidates(level0, fast_);
+  corners_ = find_candidates(level0, fast_, options_.barrier, kPatchBorder, options_.texture);
   columns_ = level0.width() / 2 + 1;
   rows_ = level0.height() / 2 + 1;
   if (!had_corner_.empty() && !has_moved(level0)) return false;

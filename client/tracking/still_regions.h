@@ -13,6 +13,8 @@ namespace cairn {
 struct StillRegionsOptions {
   int learn_every = 8;      ///< [frames] while one tracks
   int fast_threshold = 10;  ///< [grey levels] (PTAM r114)
+  int barrier = 10;         ///< [grey levels] of FAST's score (PTAM r114)
+  float texture = 70.0F;    ///< Shi-Tomasi's measure (PTAM r114)
   int square = 40;  ///< [px of level 0] squares in which corners are judged together to have moved or not
   float most_stay = 0.5F;  ///< of the corners of a square that has moved
   /// Squares whose corners have gone, for the camera to have moved; and so many times as many as those whose
@@ -40,7 +42,7 @@ struct StillRegionsOptions {
 /// that did, so a camera at rest before something that moves masks nothing. Pure; one thread.
 class StillRegions {
  public:
-  explicit StillRegions(const StillRegionsOptions& options = {}) : options_(options) {}
+  explicit StillRegions(const StillRegionsOptions& options) : options_(options) {}
 
   /// Looks at a frame while one tracks: it is learnt from every eighth until that is judged, since their
   /// corners cost a millisecond, and the others are watched. Where there `has_time`, since there is nothing

@@ -51,7 +51,7 @@ class StillRegionsTest : public ::testing::Test {
   }
 
   test::Leaves texture_{3};
-  StillRegions still_;
+  StillRegions still_{StillRegionsOptions()};
 };
 
 TEST_F(StillRegionsTest, WhatMovesIsNotMasked) {

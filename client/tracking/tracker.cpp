@@ -471,7 +471,7 @@ void Tracker::State::publish(const Attempt& found, Timestamp time) {
 void Tracker::State::propose_keyframe(Timestamp time) {
   if (!options.make_keyframes || map->find(latest.reference) == nullptr || !local.has_room(time)) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
-  const auto is_new = [this] { return shows_new_area(now(), finder.points(), probe); };
+  const auto is_new = [this] { return shows_new_area(now(), finder.points(), options.keyframes, probe); };
   const bool widens = widens_map(*map, model.last().center(), mean_depth);
   if (!keyframes.wants(finder.found(), distance, widens, is_new)) return;
   KeyframeProposal proposal{map->map,

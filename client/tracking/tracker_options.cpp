@@ -3,6 +3,7 @@
 
 #include <numbers>
 
+#include "common/base/member_count.h"
 #include "common/image/pyramid.h"
 
 namespace cairn {
@@ -24,7 +25,7 @@ constexpr OptionList::Range kTexture = {0, 1e6};
 constexpr OptionList::Range kMilliseconds = {0, 3.6e6};
 
 OptionList list_options(KeptTemplateOptions* o) {
-  OptionList list;
+  OptionList list(member_count<KeptTemplateOptions>());
   list.add("template_change", &o->template_change, {0, 10}, "search-level px per source px");
   list.add("smear_change", &o->smear_change, kShare, "of the smear's length");
   list.add("least_smear", &o->least_smear, kRadius, "search-level px");
@@ -33,7 +34,7 @@ OptionList list_options(KeptTemplateOptions* o) {
 }
 
 OptionList list_options(FrustumOptions* o) {
-  OptionList list;
+  OptionList list(member_count<FrustumOptions>() - 1);  // `nearest` is the point search's
   list.add("rays_per_axis", &o->rays_per_axis, {2, 1000}, "rays");
   list.add("side_margin", &o->side_margin, kShare, "rad");
   list.add("coarse_area", &o->coarse_area, {1, 1000}, "level-0 px^2 per source px^2");
@@ -45,7 +46,7 @@ OptionList list_options(FrustumOptions* o) {
 }
 
 OptionList list_options(PointSearchOptions* o) {
-  OptionList list;
+  OptionList list(member_count<PointSearchOptions>());
   list.add("nearest", &o->nearest, {1e-9, 1e3}, "map unit");
   list.add("alignment_reach", &o->alignment_reach, kRadius, "search-level px");
   list.add("least_radius", &o->least_radius, kRadius, "search-level px");
@@ -55,7 +56,7 @@ OptionList list_options(PointSearchOptions* o) {
 }
 
 OptionList list_options(PoseFinderOptions* o) {
-  OptionList list;
+  OptionList list(member_count<PoseFinderOptions>());
   list.add("max_points", &o->max_points, {1, 1e6}, "points");
   list.add("coarse_points", &o->coarse_points, kPoints, "points");
   list.add("coarse_radius", &o->coarse_radius, kRadius, "px of level 0");
@@ -81,7 +82,7 @@ OptionList list_options(PoseFinderOptions* o) {
 }
 
 OptionList list_options(EvidenceOptions* o) {
-  OptionList list;
+  OptionList list(member_count<EvidenceOptions>());
   list.add("quality_kept", &o->quality_kept, kShare, "of the quality it had");
   list.add("flow_quality", &o->flow_quality, kShare, "of the points in sight");
   list.add("enough_points", &o->enough_points, kPoints, "points");
@@ -89,7 +90,7 @@ OptionList list_options(EvidenceOptions* o) {
 }
 
 OptionList list_options(MotionOptions* o) {
-  OptionList list;
+  OptionList list(member_count<MotionOptions>());
   list.add("decay", &o->decay, kShare, "per frame");
   list.add("longest_step", &o->longest_step, kSeconds, "s");
   list.add("most_acceleration", &o->most_acceleration, {0, 1e6}, "near depths / s^2");
@@ -98,7 +99,7 @@ OptionList list_options(MotionOptions* o) {
 }
 
 OptionList list_options(GyroBiasOptions* o) {
-  OptionList list;
+  OptionList list(member_count<GyroBiasOptions>());
   list.add("first_sigma", &o->first_sigma, {1e-9, 10}, "rad/s");
   list.add("image_sigma", &o->image_sigma, {1e-9, 1}, "rad");
   list.add("drift", &o->drift, {0, 1}, "rad/s per sqrt(s)");
@@ -110,7 +111,7 @@ OptionList list_options(GyroBiasOptions* o) {
 }
 
 OptionList list_options(UpFilterOptions* o) {
-  OptionList list;
+  OptionList list(member_count<UpFilterOptions>());
   list.add("late", &o->late, {1e-3, 3600}, "s");
   list.add("accelerometer_sigma", &o->accelerometer_sigma, {1e-6, 1}, "g");
   list.add("shaken_for", &o->shaken_for, kSeconds, "s");
@@ -119,7 +120,7 @@ OptionList list_options(UpFilterOptions* o) {
 }
 
 OptionList list_options(InertialSensorOptions* o) {
-  OptionList list;
+  OptionList list(member_count<InertialSensorOptions>());
   list.add("most_gap", &o->most_gap, kSeconds, "s");
   list.add("most_ahead", &o->most_ahead, kSeconds, "s");
   list.add("kept", &o->kept, kSeconds, "s");
@@ -133,7 +134,7 @@ OptionList list_options(InertialSensorOptions* o) {
 }
 
 OptionList list_options(EncoderTurnOptions* o) {
-  OptionList list;
+  OptionList list(member_count<EncoderTurnOptions>());
   list.add("most_gap", &o->most_gap, kSeconds, "s");
   list.add("most_ahead", &o->most_ahead, kSeconds, "s");
   list.add("kept", &o->kept, {2, 1e6}, "samples");
@@ -141,7 +142,7 @@ OptionList list_options(EncoderTurnOptions* o) {
 }
 
 OptionList list_options(GyroPriorOptions* o) {
-  OptionList list;
+  OptionList list(member_count<GyroPriorOptions>());
   list.add("sigmas", &o->sigmas, {0, 100}, "sigma");
   list.add_part("sensor", list_options(&o->sensor));
   list.add_part("encoders", list_options(&o->encoders));
@@ -149,7 +150,7 @@ OptionList list_options(GyroPriorOptions* o) {
 }
 
 OptionList list_options(StepCorrectionOptions* o) {
-  OptionList list;
+  OptionList list(member_count<StepCorrectionOptions>());
   list.add("offset", &o->offset, {0.1, 1000}, "tiny px");
   list.add("iterations", &o->iterations, kIterations);
   list.add("prior", &o->prior, {0, 1e9}, "px^2 / rad^2");
@@ -157,7 +158,7 @@ OptionList list_options(StepCorrectionOptions* o) {
 }
 
 OptionList list_options(PatchFlowOptions* o) {
-  OptionList list;
+  OptionList list(member_count<PatchFlowOptions>());
   list.add("coarsest_level", &o->coarsest_level, kLevel, "level");
   list.add("required_level", &o->required_level, kLevel, "level");
   list.add_order("required_level", "coarsest_level");
@@ -168,7 +169,7 @@ OptionList list_options(PatchFlowOptions* o) {
 }
 
 OptionList list_options(FlowPriorOptions* o) {
-  OptionList list;
+  OptionList list(member_count<FlowPriorOptions>());
   list.add("most_followed", &o->most_followed, {1, 1e6}, "points");
   list.add("fewest_followed", &o->fewest_followed, {4, 1e6}, "points");
   list.add_part("patches", list_options(&o->patches));
@@ -176,7 +177,7 @@ OptionList list_options(FlowPriorOptions* o) {
 }
 
 OptionList list_options(ExposureOptions* o) {
-  OptionList list;
+  OptionList list(member_count<ExposureOptions>());
   list.add("step", &o->step, {1e-6, 1}, "s");
   list.add("longest", &o->longest, {0, 10}, "s");
   list.add("kept", &o->kept, kShare, "per frame");
@@ -187,7 +188,7 @@ OptionList list_options(ExposureOptions* o) {
 }
 
 OptionList list_options(KeyframePolicyOptions* o) {
-  OptionList list;
+  OptionList list(member_count<KeyframePolicyOptions>());
   list.add("frames_between", &o->frames_between, kFrames, "frames");
   list.add("shortest_wait", &o->shortest_wait, kShare, "of frames_between");
   list.add("distance", &o->distance, kOverDepth, "mean depths");
@@ -195,13 +196,18 @@ OptionList list_options(KeyframePolicyOptions* o) {
   list.add("few_left", &o->few_left, kShare, "of the points found at best");
   list.add("scarce_points", &o->scarce_points, kPoints, "points");
   list.add("need_distance", &o->need_distance, kShare, "of distance");
+  list.add("area_level", &o->area_level, kLevel, "level");
+  list.add("area_barrier", &o->area_barrier, kGreyLevels, "grey levels");
+  list.add("area_texture", &o->area_texture, kTexture, "Shi-Tomasi's measure");
   return list;
 }
 
 OptionList list_options(TrailOptions* o) {
-  OptionList list;
+  OptionList list(member_count<TrailOptions>());
   list.add("count", &o->count, {1, 1e6}, "trails");
   list.add("cell", &o->cell, {1, 1e4}, "px");
+  list.add("barrier", &o->barrier, kGreyLevels, "grey levels");
+  list.add("texture", &o->texture, kTexture, "Shi-Tomasi's measure");
   list.add("low_barrier", &o->low_barrier, kGreyLevels, "grey levels");
   list.add("low_texture", &o->low_texture, kTexture, "Shi-Tomasi's measure");
   list.add("fewest", &o->fewest, {1, 1e6}, "trails");
@@ -223,20 +229,20 @@ OptionList list_options(TrailOptions* o) {
 }
 
 OptionList list_options(TrailPoseOptions* o) {
-  OptionList list;
+  OptionList list(member_count<TrailPoseOptions>());
   list.add("fewest", &o->fewest, {4, 1e6}, "trails");
   return list;
 }
 
 OptionList list_options(PoseJudgementOptions* o) {
-  OptionList list;
+  OptionList list(member_count<PoseJudgementOptions>());
   list.add("known_position", &o->known_position, kOverDepth, "mean depths");
   list.add("known_rotation", &o->known_rotation, kAngle, "rad");
   return list;
 }
 
 OptionList list_options(ProvisionalPointsOptions* o) {
-  OptionList list;
+  OptionList list(member_count<ProvisionalPointsOptions>());
   list.add("finest_level", &o->finest_level, kLevel, "level");
   list.add("coarsest_level", &o->coarsest_level, kLevel, "level");
   list.add_order("finest_level", "coarsest_level");
@@ -269,7 +275,7 @@ OptionList list_options(ProvisionalPointsOptions* o) {
 }
 
 OptionList list_options(DeadReckoningOptions* o) {
-  OptionList list;
+  OptionList list(member_count<DeadReckoningOptions>());
   list.add("rotation_held", &o->rotation_held, kFrames, "frames");
   list.add("position_held", &o->position_held, kFrames, "frames");
   list.add("blind", &o->blind, kFrames, "frames");
@@ -279,7 +285,7 @@ OptionList list_options(DeadReckoningOptions* o) {
 }
 
 OptionList list_options(LocalMapOptions* o) {
-  OptionList list;
+  OptionList list(member_count<LocalMapOptions>());
   list.add("answer_awaited", &o->answer_awaited, kMilliseconds, "ms");
   list.add("taken_over", &o->taken_over, kMilliseconds, "ms");
   list.add("overtaken", &o->overtaken, kMilliseconds, "ms");
@@ -296,9 +302,11 @@ OptionList list_options(LocalMapOptions* o) {
 }
 
 OptionList list_options(StillRegionsOptions* o) {
-  OptionList list;
+  OptionList list(member_count<StillRegionsOptions>());
   list.add("learn_every", &o->learn_every, {1, 1e6}, "frames");
   list.add("fast_threshold", &o->fast_threshold, {1, 254}, "grey levels");
+  list.add("barrier", &o->barrier, kGreyLevels, "grey levels");
+  list.add("texture", &o->texture, kTexture, "Shi-Tomasi's measure");
   list.add("square", &o->square, {1, 1e4}, "px of level 0");
   list.add("most_stay", &o->most_stay, kShare, "of a square's corners");
   list.add("fewest_moved", &o->fewest_moved, {0, 1e6}, "squares");
@@ -320,14 +328,14 @@ OptionList list_options(StillRegionsOptions* o) {
 }
 
 OptionList list_options(RejectedHypothesesOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RejectedHypothesesOptions>());
   list.add("enough", &o->enough, {1, 1e6}, "times");
   list.add("remembered", &o->remembered, kSeconds, "s");
   return list;
 }
 
 OptionList list_options(RelocQueryOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RelocQueryOptions>());
   list.add("interval", &o->interval, kSeconds, "s");
   list.add("patience", &o->patience, kSeconds, "s");
   list.add("fresh", &o->fresh, kSeconds, "s");
@@ -337,7 +345,7 @@ OptionList list_options(RelocQueryOptions* o) {
 }
 
 OptionList list_options(PlaceMemoryOptions* o) {
-  OptionList list;
+  OptionList list(member_count<PlaceMemoryOptions>());
   list.add("most_views", &o->most_views, {1, 1e6}, "views");
   list.add("view_distance", &o->view_distance, kOverDepth, "mean depths");
   list.add("view_angle", &o->view_angle, kAngle, "rad");
@@ -345,7 +353,7 @@ OptionList list_options(PlaceMemoryOptions* o) {
 }
 
 OptionList list_options(DescribedViewsOptions* o) {
-  OptionList list;
+  OptionList list(member_count<DescribedViewsOptions>());
   list.add("most_views", &o->most_views, {1, 1e6}, "views");
   list.add("most_points", &o->most_points, {1, 1e6}, "points");
   list.add("view_distance", &o->view_distance, kOverDepth, "mean depths");
@@ -358,14 +366,14 @@ OptionList list_options(DescribedViewsOptions* o) {
 }
 
 OptionList list_options(KeyframeRoundsOptions* o) {
-  OptionList list;
+  OptionList list(member_count<KeyframeRoundsOptions>());
   list.add("per_frame", &o->per_frame, {0, 1e6}, "keyframes");
   list.add("look_aside", &o->look_aside, kAngle, "rad");
   return list;
 }
 
 OptionList list_options(VerifiedPathOptions* o) {
-  OptionList list;
+  OptionList list(member_count<VerifiedPathOptions>());
   // What the poses that are kept hold, at the spacing that is usual.
   list.add("window", &o->window, {0, kMostVerifiedPoses * VerifiedPathOptions().spacing}, "s");
   list.add("lag", &o->lag, {1e-3, 3600}, "s");
@@ -377,7 +385,7 @@ OptionList list_options(VerifiedPathOptions* o) {
 }
 
 OptionList list_options(RecoveryOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RecoveryOptions>() - 2);  // seed and least quality are the tracker's
   list.add("lost_after_failed_frames", &o->lost_after_failed_frames, {1, 1e6}, "frames");
   list.add("fewest_points", &o->fewest_points, {3, 1e6}, "points");
   list.add("verified_quality", &o->verified_quality, kShare, "of the points in sight");
@@ -399,7 +407,7 @@ OptionList list_options(RecoveryOptions* o) {
 }  // namespace
 
 OptionList list_options(TrackerOptions* o) {
-  OptionList list;
+  OptionList list(member_count<TrackerOptions>() - 3);  // choices of a run: tracker_options.h
   list.add("lost_quality", &o->lost_quality, kShare, "of the points in sight");
   list.add("good_quality", &o->good_quality, kShare, "of the points in sight");
   list.add_order("lost_quality", "good_quality");

@@ -43,6 +43,12 @@ TEST(TrackerOptionsTest, EachNameIsAMemberOfItsOwn) {
   EXPECT_GT(names.size(), 170U);
 }
 
+TEST(TrackerOptionsTest, EachMemberIsListedOnce) {
+  TrackerOptions options;
+  const Status complete = list_options(&options).check_complete();
+  EXPECT_TRUE(complete) << complete.error().message;
+}
+
 /// Whatever the values are, to the bit.
 TEST(TrackerOptionsTest, WhatIsPrintedIsReadAsTheSame) {
   TrackerOptions options;

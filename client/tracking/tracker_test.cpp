@@ -564,7 +564,7 @@ TEST(PointSearch, PointsSeenFromElsewhereAreNotExpected) {
   const auto camera = test_camera();
   const test::PlaneScene scene(5, camera);
   const auto whole = scene.make_map(looking_down(0, 0));
-  PointSearch search(camera);
+  PointSearch search(camera, PointSearchOptions());
   std::vector<VisiblePoint> visible;
   search.use_map(whole);
   search.find_visible(looking_down(0, 0), 100000, &visible);

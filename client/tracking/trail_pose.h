@@ -20,6 +20,6 @@ struct TrailPoseOptions {
 [[nodiscard]] std::optional<SE3> pose_from_trails(const Camera& camera, const MapSnapshot& map,
                                                   const SeedAnswer& seed,
                                                   std::span<const TrailFollower::Live> trails,
-                                                  uint64_t random_seed, const TrailPoseOptions& options = {});
+                                                  uint64_t random_seed, const TrailPoseOptions& options);
 
 }  // namespace cairn

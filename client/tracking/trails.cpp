@@ -9,6 +9,7 @@
 
 #include "common/base/median.h"
 #include "common/image/fit_warp.h"
+#include "common/image/patch_border.h"
 
 namespace cairn {
 namespace {
@@ -77,7 +78,7 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   const GrayView level0 = now.pyramid.level(0);
   // An image poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
   // best.
-  auto candidates = find_candidates(level0, now.corners(0));
+  auto candidates = find_candidates(level0, now.corners(0), options_.barrier, kPatchBorder, options_.texture);
   if (candidates.size() < static_cast<size_t>(options_.count) / 2) {
     candidates = find_candidates(level0, now.corners(0), options_.low_barrier, kSourcePatchSize / 2 + 1,
                                  options_.low_texture);

@@ -22,6 +22,8 @@ namespace cairn {
 struct TrailOptions {
   int count = 1000;                ///< trails begun in the first frame (PTAM r114)
   int cell = 32;                   ///< [px] of the grid over which they are spread
+  int barrier = 10;                ///< [grey levels] of FAST's score (PTAM r114), and
+  float texture = 70.0F;           ///< Shi-Tomasi's measure of corners where trails begin (PTAM r114)
   int low_barrier = 6;             ///< [grey levels] of corners in an image poor in texture, and
   float low_texture = 20.0F;       ///< Shi-Tomasi's measure of these
   uint64_t fewest = 60;            ///< trails; fewer are not worth following
@@ -47,7 +49,7 @@ struct TrailOptions {
 class TrailFollower {
  public:
   /// `seed` of random choices.
-  TrailFollower(CameraPtr camera, uint64_t seed, const TrailOptions& options = {});
+  TrailFollower(CameraPtr camera, uint64_t seed, const TrailOptions& options);
 
   /// Other values of the same camera, for the two-view tests from now on.
   void use_camera(CameraPtr camera) { camera_ = std::move(camera); }

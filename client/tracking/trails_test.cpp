@@ -205,12 +205,12 @@ TEST_F(Trails, TheirPoseInTheMapIsTheCameras) {
   ASSERT_GT(seed.points.size(), 40U);
   SE3 truth;
   for (int i = 1; i <= 10; ++i) show(truth = looking_down(0.01 * i, 0.003 * i));
-  const auto pose = pose_from_trails(*camera, *map, seed, follower.live(), 1);
+  const auto pose = pose_from_trails(*camera, *map, seed, follower.live(), 1, TrailPoseOptions());
   ASSERT_TRUE(pose);
   EXPECT_LT((pose->center() - truth.center()).norm(), 3e-3);
 
   seed.points.resize(15);
-  EXPECT_FALSE(pose_from_trails(*camera, *map, seed, follower.live(), 1)) << "too few";
+  EXPECT_FALSE(pose_from_trails(*camera, *map, seed, follower.live(), 1, TrailPoseOptions())) << "too few";
 }
 
 }  // namespace

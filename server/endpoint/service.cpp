@@ -133,8 +133,9 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   state->site = std::move(*site);
   if (known.access == nullptr) known.access = state->site->policy();
   if (state->store) {
-    restored = state->store->opening().restore(options.mapping, on_threads(options.workers),
-                                               restored_images(options.idle_after));
+    restored =
+        state->store->opening().restore({options.mapping, options.relocalization.confirm.gravity},
+                                        on_threads(options.workers), restored_images(options.idle_after));
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }

@@ -39,6 +39,6 @@ struct Appearance {
 /// sighting counts as often as it is described.
 [[nodiscard]] Appearance compare_appearance(const PlaceView& view, const Camera& camera,
                                             const ProjectedPoints& projected,
-                                            const AppearanceOptions& options = {});
+                                            const AppearanceOptions& options);
 
 }  // namespace cairn

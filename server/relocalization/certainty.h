@@ -34,8 +34,8 @@ struct SettleOptions {
 /// `keyframe`: index into those of the map. Deterministic.
 [[nodiscard]] Refined settle(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                              const IndexedMap& map, size_t keyframe, Refined refined, double depth,
-                             const SettleOptions& options = {}, const RefineOptions& refining = {},
-                             const MatchOptions& matching = {});
+                             const SettleOptions& options, const RefineOptions& refining,
+                             const MatchOptions& matching);
 
 /// A pose of which nothing is in doubt as yet.
 [[nodiscard]] PoseEstimate as_certain(const SE3& camera_from_map);

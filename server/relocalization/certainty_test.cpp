@@ -19,7 +19,8 @@ class CertaintyTest : public ::testing::Test {
  protected:
   /// All that is found around a pose that is right.
   [[nodiscard]] Refined refined_at_truth() const {
-    return *refine(view_, grid_, *scene_.camera(), *index_, 1, as_certain(truth_));
+    return *refine(view_, grid_, *scene_.camera(), *index_, 1, as_certain(truth_), RefineOptions(),
+                   MatchOptions());
   }
 
   Scene scene_{11};
@@ -55,7 +56,8 @@ TEST_F(CertaintyTest, APoseThatIsNotTheBestIsLeftForTheBest) {
   held.pose.camera_from_map = SE3(Eigen::Quaterniond::Identity(), aside) * truth_;
   for (double& weight : held.pose.weights) weight *= 0.3;  // as if it explained less
   ASSERT_GT(error_of(held.pose.camera_from_map, truth_, *map_.snapshot()), 0.02);
-  const Refined settled = settle(view_, grid_, *scene_.camera(), *index_, 1, held, aside.x() / 0.05);
+  const Refined settled = settle(view_, grid_, *scene_.camera(), *index_, 1, held, aside.x() / 0.05,
+                                 SettleOptions(), RefineOptions(), MatchOptions());
   EXPECT_LT(error_of(settled.pose.camera_from_map, truth_, *map_.snapshot()), 0.01);
 }
 

@@ -86,7 +86,7 @@ std::string why_not_upright(int agreeing) {
 void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& options,
            Confirmation* result) {
   const bool looks_right = does_look_right(options, *result);
-  if (!is_upright(*result->camera_from_map, map.up, view.up)) {
+  if (!is_upright(*result->camera_from_map, map.up, view.up, options.gravity)) {
     result->reason = why_not_upright(result->inliers);
   } else if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
@@ -211,7 +211,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     return result;
   }
   result.agreeing = pose->inliers;
-  if (!is_upright(pose->camera_from_map, map.up, view.up)) {
+  if (!is_upright(pose->camera_from_map, map.up, view.up, options.gravity)) {
     result.explained.clear();  // what is held otherwise is not there, and no rival of what is
     result.reason = why_not_upright(result.agreeing);
     return result;

@@ -9,6 +9,7 @@
 #include "common/geometry/se3.h"
 #include "server/relocalization/appearance.h"
 #include "server/relocalization/certainty.h"
+#include "server/relocalization/gravity.h"
 #include "server/relocalization/image_cells.h"
 #include "server/relocalization/match.h"
 #include "server/relocalization/refine.h"
@@ -20,6 +21,7 @@ struct ConfirmOptions {
   AppearanceOptions appearance;
   RefineOptions refine;
   SettleOptions settle;
+  GravityOptions gravity;
   int agreeing_in_cell = 2;       ///< corners in a cell that counts as agreeing: one may agree by chance
   double ransac_threshold = 2.5;  ///< [px of the corner's level]
   uint64_t rough_step = 3;  ///< of a keyframe's points, one of so many tells whether a pose is worth refining

@@ -109,7 +109,9 @@ void ExactMap::share_points(const Scene& scene, const SE3& camera_from_map, Keyf
 
 std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map, size_t keyframe) {
   const auto cells = probed_cells(view);
-  return match_closer(view, cells, map, keyframe, run_prefilter(view, cells, map, keyframe));
+  const MatchOptions options;
+  return match_closer(view, cells, map, keyframe, run_prefilter(view, cells, map, keyframe, options),
+                      options);
 }
 
 SE3 camera_of(const RelocalizationAnswer& answer, const MapSnapshot& map) {

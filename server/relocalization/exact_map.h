@@ -36,7 +36,9 @@ class ExactMap {
 
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
   [[nodiscard]] const std::vector<KeyframeView>& views() const { return views_; }
-  [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
+  [[nodiscard]] IndexedMapPtr index() const {
+    return index_map(nullptr, snapshot_, views_, GravityOptions());
+  }
 
  private:
   void add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* keyframes);

@@ -13,18 +13,25 @@
 /// otherwise than it was held is of another place.
 namespace cairn {
 
-/// [rad] of a pose from few matches, and of how an IMU is known to sit on its camera.
-constexpr double kPoseTilt = 0.03;
+struct GravityOptions {
+  /// [squared sigmas] within which two directions agree: of two degrees of freedom, 99.9 %.
+  double chi_square = 13.816;
+  double pose_tilt =
+      0.03;  ///< [rad] of a pose from few matches, and of how an IMU is known to sit on its camera
+  double most_contradict = 0.25;  ///< of the keyframes: with more, nobody knows which way is up in the map
+  /// [rad] What the measurements of one accelerometer have in common does not average out: its bias.
+  double common_sigma = 0.01;
+};
 
 /// Which way is up in a map: the mean of what its keyframes measured, weighted by their certainty. Nothing
-/// where none did, or where a quarter of them contradict the rest, as when IMUs sit otherwise than they say.
+/// where none did, or where too many contradict the rest, as when IMUs sit otherwise than they say.
 [[nodiscard]] std::optional<UpDirection> up_in_map(const MapSnapshot& snapshot,
-                                                   std::span<const KeyframeView> views);
+                                                   std::span<const KeyframeView> views,
+                                                   const GravityOptions& options);
 
 /// Whether a camera that measured `seen` can have this pose in a map where up is `in_map`: the angle between
-/// what it measured and what it should have is within what chance allows (chi-square of two degrees of
-/// freedom, 99.9 %). True where either is not known.
+/// what it measured and what it should have is within what chance allows. True where either is not known.
 [[nodiscard]] bool is_upright(const SE3& camera_from_map, const std::optional<UpDirection>& in_map,
-                              const std::optional<UpDirection>& seen);
+                              const std::optional<UpDirection>& seen, const GravityOptions& options);
 
 }  // namespace cairn

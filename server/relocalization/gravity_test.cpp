@@ -13,6 +13,8 @@
 namespace cairn {
 namespace {
 
+const GravityOptions kOptions;
+
 using testing::describe_image;
 using testing::ExactMap;
 using testing::Scene;
@@ -50,7 +52,7 @@ class UpInMapTest : public ::testing::Test {
 };
 
 TEST_F(UpInMapTest, IsWhatTheKeyframesMeasuredHoweverTheyWereHeld) {
-  const auto found = up_in_map(snapshot_, views_);
+  const auto found = up_in_map(snapshot_, views_, kOptions);
   ASSERT_TRUE(found);
   EXPECT_LT(error(*found), 1e-9);
   EXPECT_LE(found->sigma, kSigma);
@@ -59,20 +61,20 @@ TEST_F(UpInMapTest, IsWhatTheKeyframesMeasuredHoweverTheyWereHeld) {
 
 TEST_F(UpInMapTest, IsNotKnownWhereNoKeyframeMeasuredIt) {
   for (KeyframeView& view : views_) view.up.reset();
-  EXPECT_FALSE(up_in_map(snapshot_, views_));
-  EXPECT_FALSE(up_in_map(snapshot_, {}));
+  EXPECT_FALSE(up_in_map(snapshot_, views_, kOptions));
+  EXPECT_FALSE(up_in_map(snapshot_, {}, kOptions));
 }
 
 TEST_F(UpInMapTest, OneThatIsWrongHasNoPartInIt) {
   falsify(&views_[3], 60);
-  const auto found = up_in_map(snapshot_, views_);
+  const auto found = up_in_map(snapshot_, views_, kOptions);
   ASSERT_TRUE(found);
   EXPECT_LT(error(*found), 1e-9);
 }
 
 TEST_F(UpInMapTest, WhereManyContradictTheRestNothingIsKnown) {
   for (size_t i = 0; i < views_.size(); i += 2) falsify(&views_[i], 90);
-  EXPECT_FALSE(up_in_map(snapshot_, views_));
+  EXPECT_FALSE(up_in_map(snapshot_, views_, kOptions));
 }
 
 TEST(IsUpright, WhatChanceAllowsIsAllowedAndNoMore) {
@@ -80,16 +82,22 @@ TEST(IsUpright, WhatChanceAllowsIsAllowedAndNoMore) {
   const UpDirection in_map{Eigen::Vector3d::UnitZ(), 0.01};
   const UpDirection seen = turned(pose.rotation(), {Eigen::Vector3d::UnitZ(), kSigma});
   const auto off_by = [&](double sigmas) {
-    const double sigma = std::sqrt(0.01 * 0.01 + kSigma * kSigma + kPoseTilt * kPoseTilt);
+    const double sigma = std::sqrt(0.01 * 0.01 + kSigma * kSigma + kOptions.pose_tilt * kOptions.pose_tilt);
     UpDirection other = seen;
     other.up = Eigen::AngleAxisd(sigmas * sigma, seen.up.unitOrthogonal()) * seen.up;
-    return is_upright(pose, in_map, other);
+    return is_upright(pose, in_map, other, kOptions);
   };
   EXPECT_TRUE(off_by(0));
   EXPECT_TRUE(off_by(3.6));  // the square root of 13.8 is 3.72
   EXPECT_FALSE(off_by(3.8));
-  EXPECT_TRUE(is_upright(pose, std::nullopt, seen));
-  EXPECT_TRUE(is_upright(pose, in_map, std::nullopt));
+  GravityOptions wider;
+  wider.chi_square = 16 * 16;
+  UpDirection far_off = seen;
+  far_off.up = Eigen::AngleAxisd(0.4, seen.up.unitOrthogonal()) * seen.up;
+  EXPECT_FALSE(is_upright(pose, in_map, far_off, kOptions));
+  EXPECT_TRUE(is_upright(pose, in_map, far_off, wider));
+  EXPECT_TRUE(is_upright(pose, std::nullopt, seen, kOptions));
+  EXPECT_TRUE(is_upright(pose, in_map, std::nullopt, kOptions));
 }
 
 /// A place that fits the image is the answer where the camera was held as it says, and is neither that nor
@@ -102,14 +110,16 @@ TEST(RelocalizerWithGravity, APlaceInWhichTheCameraIsHeldOtherwiseIsNoCandidate)
   for (size_t i = 0; i < views.size(); ++i)
     views[i].up = turned(Scene::pose(steps[i]).rotation(), {-Eigen::Vector3d::UnitY(), kSigma});
   PlaceIndex index;
-  index.put(index_map(nullptr, exact.snapshot(), views));
+  index.put(index_map(nullptr, exact.snapshot(), views, kOptions));
   PlaceView view = describe_image(scene.render(Scene::pose(5), 100)->view());
-  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, RelocalizationVerdict::kConfirmed)
+  EXPECT_EQ(relocalize(index, *scene.camera(), view, RelocOptions()).verdict,
+            RelocalizationVerdict::kConfirmed)
       << "it does not say";
   view.up = turned(Scene::pose(5).rotation(), {-Eigen::Vector3d::UnitY(), kSigma});
-  EXPECT_EQ(relocalize(index, *scene.camera(), view).verdict, RelocalizationVerdict::kConfirmed);
+  EXPECT_EQ(relocalize(index, *scene.camera(), view, RelocOptions()).verdict,
+            RelocalizationVerdict::kConfirmed);
   view.up->up = Eigen::AngleAxisd(20 * kDegree, Eigen::Vector3d::UnitZ()) * view.up->up;
-  const RelocalizationAnswer answer = relocalize(index, *scene.camera(), view);
+  const RelocalizationAnswer answer = relocalize(index, *scene.camera(), view, RelocOptions());
   EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown);
   ASSERT_FALSE(answer.candidates.empty());
   EXPECT_NE(answer.candidates.front().reason.find("held otherwise"), std::string::npos)

@@ -10,9 +10,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kTrees = 4;
-constexpr int kChecks = 4096;  ///< images compared before a search ends (recall and time: tests/bench)
-
 /// compact_distance() as FLANN wants it.
 struct Distance {
   using is_kdtree_distance = bool;
@@ -63,13 +60,14 @@ class NearestThere : public flann::ResultSet<float> {
 /// Of images of one size.
 class ImageForest::Trees {
  public:
-  Trees(std::vector<CompactImage> images, std::vector<uint32_t> slots)
+  Trees(std::vector<CompactImage> images, std::vector<uint32_t> slots, const ForestOptions& options)
       : images_(std::move(images)),
         slots_(std::move(slots)),
+        checks_(options.checks),
         // FLANN keeps pointers to the rows and does not write to them.
         index_(flann::Matrix<float>(images_.front().values.data(), images_.size(), kCompactSize,
                                     sizeof(CompactImage)),
-               flann::KDTreeIndexParams(kTrees)) {
+               flann::KDTreeIndexParams(options.trees)) {
     index_.buildIndex();
   }
 
@@ -79,7 +77,7 @@ class ImageForest::Trees {
   [[nodiscard]] std::vector<Found> find(const CompactImage& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const {
     NearestThere nearest(std::min(count, images_.size()), slots_, is_there);
-    index_.findNeighbors(nearest, query.values.data(), flann::SearchParams(kChecks));
+    index_.findNeighbors(nearest, query.values.data(), flann::SearchParams(checks_));
     return nearest.take();
   }
   [[nodiscard]] const std::vector<CompactImage>& images() const { return images_; }
@@ -91,10 +89,11 @@ class ImageForest::Trees {
  private:
   std::vector<CompactImage> images_;
   std::vector<uint32_t> slots_;  ///< by row
+  int checks_;
   flann::KDTreeIndex<Distance> index_;
 };
 
-ImageForest::ImageForest(std::span<const Image> images) {
+ImageForest::ImageForest(std::span<const Image> images, const ForestOptions& options) {
   slots_.reserve(images.size());
   std::vector<uint32_t> by_size;
   for (const Image& p : images) {
@@ -113,7 +112,7 @@ ImageForest::ImageForest(std::span<const Image> images) {
     std::vector<CompactImage> rows;
     rows.reserve(static_cast<size_t>(end - begin));
     for (auto slot = begin; slot != end; ++slot) rows.push_back(images[*slot].compact);
-    trees_.push_back(std::make_unique<const Trees>(std::move(rows), std::vector(begin, end)));
+    trees_.push_back(std::make_unique<const Trees>(std::move(rows), std::vector(begin, end), options));
     const CompactImage* row = trees_.back()->images().data();
     for (auto slot = begin; slot != end; ++slot) rows_[*slot] = row++;
     begin = end;

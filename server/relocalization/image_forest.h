@@ -12,6 +12,11 @@
 
 namespace cairn {
 
+struct ForestOptions {
+  int trees = 4;
+  int checks = 4096;  ///< images compared before a search ends (recall and time: tests/bench)
+};
+
 /// The nearest of many compact images, by FLANN's randomized kd-trees (Muja and Lowe, PAMI 2014):
 /// approximate, so more are asked for than are wanted and compared exactly afterwards. Immutable; any number
 /// of threads may ask. The trees are drawn from the machine's entropy (FLANN 1.9.2 takes no seed), so what is
@@ -36,7 +41,7 @@ class ImageForest {
 
   /// Plants trees for the images of each size. Ascending by map and keyframe, each once. A second for 100
   /// 000: not for a thread that anybody waits for.
-  explicit ImageForest(std::span<const Image> images);
+  ImageForest(std::span<const Image> images, const ForestOptions& options);
   ~ImageForest();
   ImageForest(const ImageForest&) = delete;
   ImageForest& operator=(const ImageForest&) = delete;

@@ -186,7 +186,7 @@ TEST(FindSimilar, AScanIsExactAlsoWhereTheDifferenceIsInHighFrequencies) {
 TEST(FindSimilar, OfAnotherSizeOrWithoutContrastThereIsNone) {
   PlaceIndex index = make_index(3);
   for (const bool planted : {false, true}) {
-    if (planted) index.set_forest(plant_forest(index, 0));
+    if (planted) index.set_forest(plant_forest(index, 0, ForestOptions()));
     for (const auto search : {ImageSearch::kScan, ImageSearch::kForest}) {
       EXPECT_TRUE(
           find_similar(index, QueryImage(TinyImage(GrayImage(80, 60), kPlaceBlur)), 12, search).empty());
@@ -201,7 +201,7 @@ TEST(FindSimilar, OfAnotherSizeOrWithoutContrastThereIsNone) {
 TEST(FindSimilar, AForestFindsNearlyAllThatAScanFinds) {
   constexpr uint32_t kMaps = 250;
   PlaceIndex index = make_index(kMaps);
-  index.set_forest(plant_forest(index, 0));
+  index.set_forest(plant_forest(index, 0, ForestOptions()));
   ASSERT_EQ(index.planted().size(), kMaps * kKeyframes);
   ASSERT_TRUE(index.unplanted().empty());
   size_t wanted = 0;
@@ -224,7 +224,7 @@ TEST(FindSimilar, AForestFindsNearlyAllThatAScanFinds) {
 TEST(FindSimilar, TheMapOfThePlaceIsAmongTheMostSimilarMaps) {
   PlaceIndex index = make_index(30);
   for (const bool planted : {false, true}) {
-    if (planted) index.set_forest(plant_forest(index, 0));
+    if (planted) index.set_forest(plant_forest(index, 0, ForestOptions()));
     for (uint32_t place = 1; place <= 30; ++place) {
       const QueryImage query = make_query(place, 50 + place);
       const auto maps = NearImages(index, query, ImageSearch::kForest, 100).maps();
@@ -262,7 +262,7 @@ TEST(FindSimilar, ImagesOfSeveralSizesHaveTheirOwnTrees) {
     wide.emplace_back(level3, kPlaceBlur);
   }
   index.put(image_map(map_id(9), wide));
-  index.set_forest(plant_forest(index, 0));
+  index.set_forest(plant_forest(index, 0, ForestOptions()));
   EXPECT_EQ(index.planted().size(), 3 * kKeyframes + wide.size());
   const auto found = find_similar(index, QueryImage(wide[7]), 20, ImageSearch::kForest);
   ASSERT_EQ(found.size(), wide.size());
@@ -273,7 +273,8 @@ TEST(FindSimilar, ImagesOfSeveralSizesHaveTheirOwnTrees) {
 
 TEST(PlaceIndex, WhatCameAfterTheForestIsFound) {
   PlaceIndex index = make_index(20);
-  const ImageForestPtr forest = plant_forest(index, 0);  // "under way" while the index goes on
+  const ImageForestPtr forest =
+      plant_forest(index, 0, ForestOptions());  // "under way" while the index goes on
   index.put(make_map(21));
   index.put(make_map(5, kKeyframes + 1));  // a keyframe more
   index.set_forest(forest);
@@ -296,7 +297,7 @@ TEST(PlaceIndex, WhatCameAfterTheForestIsFound) {
 TEST(PlaceIndex, WhatIsGoneIsNotFoundAndInNobodysWay) {
   PlaceIndex index = make_index(20);
   index.put(make_map(5, 400));
-  index.set_forest(plant_forest(index, 0));
+  index.set_forest(plant_forest(index, 0, ForestOptions()));
   const QueryImage query = make_query(5, 77);
   EXPECT_EQ(find_similar(index, query, 12, ImageSearch::kForest).front().map, index.find(map_id(5)));
 
@@ -324,7 +325,7 @@ TEST(PlaceIndex, WhatIsGoneIsNotFoundAndInNobodysWay) {
 /// As when it is purged and comes back from an archive older than the last of its keyframes.
 TEST(PlaceIndex, AMapThatComesBackWithOtherImagesIsFoundByThose) {
   PlaceIndex index = make_index(20);
-  index.set_forest(plant_forest(index, 0));
+  index.set_forest(plant_forest(index, 0, ForestOptions()));
   index.remove(map_id(5));
   index.put(image_map(map_id(5), make_images(50, kKeyframes)));
   expect_consistent(index);
@@ -337,16 +338,16 @@ TEST(PlaceIndex, AMapThatComesBackWithOtherImagesIsFoundByThose) {
 TEST(PlaceIndex, SaysWhenItNeedsPlanting) {
   PlaceIndex index = make_index(5);
   EXPECT_FALSE(index.needs_planting(5 * kKeyframes));
-  EXPECT_EQ(plant_forest(index, 5 * kKeyframes), nullptr);
+  EXPECT_EQ(plant_forest(index, 5 * kKeyframes, ForestOptions()), nullptr);
   index.put(make_map(6));
   ASSERT_TRUE(index.needs_planting(5 * kKeyframes));
-  index.set_forest(plant_forest(index, 5 * kKeyframes));
+  index.set_forest(plant_forest(index, 5 * kKeyframes, ForestOptions()));
   EXPECT_FALSE(index.needs_planting(5 * kKeyframes));
   for (uint32_t map = 1; map <= 3; ++map) index.remove(map_id(map));
   EXPECT_FALSE(index.needs_planting(5 * kKeyframes));
   index.remove(map_id(4));  // most of the forest is gone
   ASSERT_TRUE(index.needs_planting(5 * kKeyframes));
-  index.set_forest(plant_forest(index, 5 * kKeyframes));
+  index.set_forest(plant_forest(index, 5 * kKeyframes, ForestOptions()));
   EXPECT_EQ(index.forest(), nullptr);
   EXPECT_FALSE(index.needs_planting(5 * kKeyframes));
   expect_consistent(index);

@@ -108,7 +108,8 @@ TEST(Overlap, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
   index.put(ExactMap(scene, 2, {2, 6, 10}).index());
   for (int step = 1; step < 10; step += 2) {
     const auto image = scene.render(Scene::pose(step), 300 + static_cast<uint64_t>(step));
-    const RelocalizationAnswer answer = relocalize(index, *scene.camera(), describe_image(image->view()));
+    const RelocalizationAnswer answer =
+        relocalize(index, *scene.camera(), describe_image(image->view()), RelocOptions());
     EXPECT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << step << ": " << answer.reason;
   }
 }

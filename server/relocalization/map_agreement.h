@@ -54,7 +54,7 @@ struct MapAgreement {
 /// The similarity with which most views agree; nothing: no two of them do. O(n^3); of equals that with the
 /// least error.
 [[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views,
-                                                         const MapAgreementOptions& options = {});
+                                                         const MapAgreementOptions& options);
 
 /// How far apart two cameras in one frame are: distance in mean depths, plus angle in radians.
 [[nodiscard]] double separation(const SE3& a, const SE3& b, double depth);

@@ -45,7 +45,7 @@ TEST_F(MapAgreementTest, ViewsOfOnePlaceTellHowItsMapsLieToEachOther) {
     std::vector<SharedView> views;
     views.reserve(4);
     for (int i = 0; i < 4; ++i) views.push_back(seen_from(camera(), truth));
-    const auto found = find_agreement(views);
+    const auto found = find_agreement(views, MapAgreementOptions());
     ASSERT_TRUE(found);
     EXPECT_EQ(found->views, (std::vector<size_t>{0, 1, 2, 3}));
     expect_same(found->other_from_one, truth, 1e-9);
@@ -63,7 +63,7 @@ TEST_F(MapAgreementTest, InexactOnesAgreeAndWrongOnesDoNot) {
       views.push_back(inexact(seen_from(camera(), is_right ? truth : similarity()), 0.02));
       if (is_right) right.push_back(i);
     }
-    const auto found = find_agreement(views);
+    const auto found = find_agreement(views, MapAgreementOptions());
     ASSERT_TRUE(found);
     EXPECT_EQ(found->views, right);
     expect_same(found->other_from_one, truth, 0.1);
@@ -76,7 +76,7 @@ TEST_F(MapAgreementTest, ImagesOfSeveralPlacesAgreeInNothing) {
     std::vector<SharedView> views;
     views.reserve(8);
     for (int i = 0; i < 8; ++i) views.push_back(seen_from(camera(), similarity()));
-    const auto found = find_agreement(views);
+    const auto found = find_agreement(views, MapAgreementOptions());
     if (found) most = std::max(most, found->views.size());
   }
   EXPECT_LT(most, 3U);
@@ -87,13 +87,13 @@ TEST_F(MapAgreementTest, OneScaleFitsAll) {
   std::vector<SharedView> views;
   for (const double x : {0.0, 1.0, 3.0})
     views.push_back(seen_from(SE3(Eigen::Quaterniond::Identity(), {x, 0, 0}), truth));
-  ASSERT_TRUE(find_agreement(views));
-  EXPECT_EQ(find_agreement(views)->views.size(), 3U);
+  ASSERT_TRUE(find_agreement(views, MapAgreementOptions()));
+  EXPECT_EQ(find_agreement(views, MapAgreementOptions())->views.size(), 3U);
   // The third stands where it would if the map were half as large, with the right rotation.
   const SE3& third = views[2].camera_from_other;
   const Eigen::Vector3d shorter = (views[0].camera_from_other.center() + third.center()) / 2;
   views[2].camera_from_other = SE3(third.rotation(), -(third.rotation() * shorter));
-  EXPECT_EQ(find_agreement(views)->views.size(), 2U);
+  EXPECT_EQ(find_agreement(views, MapAgreementOptions())->views.size(), 2U);
 }
 
 TEST_F(MapAgreementTest, ViewsFromOnePlaceSayNothingOfTheScale) {
@@ -103,9 +103,9 @@ TEST_F(MapAgreementTest, ViewsFromOnePlaceSayNothingOfTheScale) {
     const Eigen::Quaterniond turned = so3_exp(vector(0.5));
     views.push_back(seen_from(SE3(turned, turned * vector(0.01)), truth));
   }
-  EXPECT_FALSE(find_agreement(views));
-  EXPECT_FALSE(find_agreement({}));
-  EXPECT_FALSE(find_agreement(std::vector{views[0]}));
+  EXPECT_FALSE(find_agreement(views, MapAgreementOptions()));
+  EXPECT_FALSE(find_agreement({}, MapAgreementOptions()));
+  EXPECT_FALSE(find_agreement(std::vector{views[0]}, MapAgreementOptions()));
 }
 
 TEST_F(MapAgreementTest, WhoWalkedTheOtherWayWasNotThere) {
@@ -114,7 +114,7 @@ TEST_F(MapAgreementTest, WhoWalkedTheOtherWayWasNotThere) {
   for (const double x : {0.0, 1.0, 2.0})
     views.push_back(seen_from(SE3(Eigen::Quaterniond::Identity(), {x, 0, 0}), truth));
   std::swap(views[0].camera_from_other, views[2].camera_from_other);
-  EXPECT_FALSE(find_agreement(views));
+  EXPECT_FALSE(find_agreement(views, MapAgreementOptions()));
 }
 
 }  // namespace

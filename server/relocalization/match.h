@@ -49,8 +49,7 @@ struct Prefilter {
   size_t supported = 0;
 };
 [[nodiscard]] Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells,
-                                      const IndexedMap& map, size_t keyframe,
-                                      const MatchOptions& options = {});
+                                      const IndexedMap& map, size_t keyframe, const MatchOptions& options);
 /// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
 /// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
@@ -58,8 +57,7 @@ struct Prefilter {
 /// `prefilter`: its result there, whose matches need not be looked for again.
 [[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
                                                    const IndexedMap& map, size_t keyframe,
-                                                   const Prefilter& prefilter,
-                                                   const MatchOptions& options = {});
+                                                   const Prefilter& prefilter, const MatchOptions& options);
 
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
@@ -131,7 +129,7 @@ struct GuidedMatches {
 };
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
                                        const ProjectedPoints& projected, double radius,
-                                       const MatchOptions& options = {});
+                                       const MatchOptions& options);
 
 /// Matches that moved from the keyframe's image to the query's as some of their neighbours did, two at least
 /// by default, (the idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do,
@@ -139,7 +137,7 @@ struct GuidedMatches {
 /// the given order.
 [[nodiscard]] std::vector<PlaceMatch> keep_supported(const PlaceView& view,
                                                      std::span<const PlaceMatch> matches,
-                                                     const MatchOptions& options = {});
+                                                     const MatchOptions& options);
 
 /// As observations of a pose: sigma 2^level px.
 [[nodiscard]] std::vector<PointObservation> to_observations(const PlaceView& view,

@@ -48,7 +48,7 @@ struct Overlap {
 /// One thread at a time. Takes some 100 bytes a keyframe.
 class OverlapDetector {
  public:
-  explicit OverlapDetector(const OverlapOptions& options = {}) : options_(options) {}
+  explicit OverlapDetector(const OverlapOptions& options) : options_(options) {}
 
   /// A map is searched as it is in `map` from here on.
   void note_searched(const IndexedMap& map);

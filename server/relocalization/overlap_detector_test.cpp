@@ -57,7 +57,7 @@ class OverlapDetectorTest : public ::testing::Test {
   const Similarity3 one_{0.7, so3_exp({0.1, 2, 0.3}), {1, 2, 3}};
   const Similarity3 other_{2.5, so3_exp({1, -0.2, 0}), {-4, 0, 9}};
   PlaceIndex index_;
-  OverlapDetector detector_;
+  OverlapDetector detector_{OverlapOptions()};
 };
 
 TEST_F(OverlapDetectorTest, ThreeKeyframesThatAgreeAreAnOverlap) {

@@ -7,8 +7,6 @@
 #include <numeric>
 #include <optional>
 
-#include "server/relocalization/gravity.h"
-
 namespace cairn {
 namespace {
 
@@ -89,7 +87,7 @@ size_t bytes_indexed(size_t keyframes, size_t measurements) {
 }
 
 IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
-                        std::span<const KeyframeView> views) {
+                        std::span<const KeyframeView> views, const GravityOptions& gravity) {
   auto map = std::make_shared<IndexedMap>();
   for (const KeyframeView& view : views) {
     if (snapshot->find(view.id) == nullptr) continue;
@@ -113,7 +111,7 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)
     map->positions.push_back(find_positions(*snapshot, k->measured));
-  map->up = up_in_map(*snapshot, views);
+  map->up = up_in_map(*snapshot, views, gravity);
   map->snapshot = std::move(snapshot);
   return map;
 }
@@ -204,7 +202,7 @@ bool PlaceIndex::is_within(const MapSet& maps) const {
   return std::ranges::all_of(maps_, [&](const IndexedMapPtr& m) { return maps.contains(m->snapshot->map); });
 }
 
-ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {
+ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned, const ForestOptions& options) {
   if (index.keyframe_count() <= most_scanned) return nullptr;
   std::vector<ImageForest::Image> images;
   images.reserve(index.keyframe_count());
@@ -212,7 +210,7 @@ ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {
     for (size_t k = 0; k < map->keyframes.size(); ++k)
       images.push_back({map->snapshot->map, map->keyframes[k]->id, map->images[k]});
   }
-  return std::make_shared<const ImageForest>(images);
+  return std::make_shared<const ImageForest>(images, options);
 }
 
 }  // namespace cairn

@@ -10,6 +10,7 @@
 #include "common/map/map_set.h"
 #include "common/map/snapshot.h"
 #include "server/relocalization/compact.h"
+#include "server/relocalization/gravity.h"
 #include "server/relocalization/image_forest.h"
 #include "server/relocalization/indexed_keyframe.h"
 
@@ -52,10 +53,7 @@ using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 /// that the snapshot does not have are left out, and those without an image that `previous` does not have. A
 /// few milliseconds per keyframe that is new or changed: not for a thread that a query waits for.
 [[nodiscard]] IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
-                                      std::span<const KeyframeView> views);
-
-/// More images than these are found sooner by a forest than by a scan (cairn-index-bench).
-constexpr size_t kMostScanned = 40'000;
+                                      std::span<const KeyframeView> views, const GravityOptions& gravity);
 
 /// A keyframe of an index.
 struct KeyframePlace {
@@ -84,7 +82,7 @@ class PlaceIndex {
 
   /// Whether plant_forest() would be of use: more than `most_scanned` images are in no forest, or more than
   /// half of those in the forest are gone.
-  [[nodiscard]] bool needs_planting(size_t most_scanned = kMostScanned) const;
+  [[nodiscard]] bool needs_planting(size_t most_scanned) const;
   /// Takes a forest made of this index or of an earlier version of it; null: all images are scanned.
   void set_forest(ImageForestPtr forest);
   [[nodiscard]] const ImageForestPtr& forest() const { return forest_; }
@@ -111,6 +109,7 @@ class PlaceIndex {
 
 /// A forest of all images of an index, or null where there are not more than `most_scanned`. A second for
 /// 100 000: not for a thread that anybody waits for.
-[[nodiscard]] ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned = kMostScanned);
+[[nodiscard]] ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned,
+                                          const ForestOptions& options);
 
 }  // namespace cairn

@@ -46,7 +46,7 @@ TEST_F(PlaceIndexTest, WordsVoteForTheMapThatIsSeen) {
     for (const auto& [scene, map] :
          {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
       const PlaceView view = describe_image(scene->render(Scene::pose(step), 4)->view());
-      const auto votes = vote(index_, all_maps(index_), view, probed_cells(view), 1);
+      const auto votes = vote(index_, all_maps(index_), view, probed_cells(view), 1, VoteOptions());
       ASSERT_EQ(votes.size(), 1U);
       EXPECT_EQ(votes.front().map->snapshot->map, map->snapshot()->map) << step;
     }
@@ -98,7 +98,7 @@ TEST_F(PlaceIndexTest, TheIndexSharesWhatHasNotChanged) {
   const IndexedMapPtr first = map().index();
   std::vector<KeyframeView> views = map().views();
   views[1].measurements.pop_back();
-  const IndexedMapPtr second = index_map(first.get(), map().snapshot(), views);
+  const IndexedMapPtr second = index_map(first.get(), map().snapshot(), views, GravityOptions());
   ASSERT_EQ(second->keyframes.size(), 3U);
   EXPECT_EQ(first->keyframes[0], second->keyframes[0]);
   EXPECT_NE(first->keyframes[1], second->keyframes[1]);
@@ -106,17 +106,18 @@ TEST_F(PlaceIndexTest, TheIndexSharesWhatHasNotChanged) {
 
   std::vector<KeyframeView> moved = map().views();
   moved[2].measurements[7].pixel.x() += 3;
-  EXPECT_NE(index_map(first.get(), map().snapshot(), moved)->keyframes[2], first->keyframes[2]);
+  EXPECT_NE(index_map(first.get(), map().snapshot(), moved, GravityOptions())->keyframes[2],
+            first->keyframes[2]);
 
   views[1].pyramid = nullptr;
   views[1].measurements.pop_back();
-  const IndexedMapPtr third = index_map(second.get(), map().snapshot(), views);
+  const IndexedMapPtr third = index_map(second.get(), map().snapshot(), views, GravityOptions());
   ASSERT_EQ(third->keyframes.size(), 3U);
   EXPECT_EQ(second->keyframes[1], third->keyframes[1]) << "there is no image to describe it anew";
-  EXPECT_EQ(index_map(nullptr, map().snapshot(), views)->keyframes.size(), 2U);
+  EXPECT_EQ(index_map(nullptr, map().snapshot(), views, GravityOptions())->keyframes.size(), 2U);
 
   views[0].id = KeyframeId{9};  // the snapshot does not have it
-  EXPECT_EQ(index_map(second.get(), map().snapshot(), views)->keyframes.size(), 2U);
+  EXPECT_EQ(index_map(second.get(), map().snapshot(), views, GravityOptions())->keyframes.size(), 2U);
 
   PlaceIndex index = index_;
   index.remove(map().snapshot()->map);

@@ -34,7 +34,7 @@ struct RefineOptions {
 /// pose from corners that lie close together is known there and not elsewhere: what is looked for elsewhere
 /// is matched wrongly, and holds the pose where it is. Precondition: each point has a sighting.
 void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points,
-                  const RefineOptions& options = {});
+                  const RefineOptions& options);
 
 /// All that is found around a pose.
 struct Refined {
@@ -48,6 +48,6 @@ struct Refined {
 /// map. Error: the points found do not determine the pose. Deterministic.
 [[nodiscard]] Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                                      const IndexedMap& map, size_t keyframe, PoseEstimate pose,
-                                     const RefineOptions& options = {}, const MatchOptions& matching = {});
+                                     const RefineOptions& options, const MatchOptions& matching);
 
 }  // namespace cairn

@@ -93,7 +93,7 @@ TEST_F(RefineTest, CertainIsWhatLiesWhereThePoseIsKnown) {
   ProjectedPoints points = points_in_view(truth);
   const size_t all = points.points.size();
   pose.covariance *= 400;  // as if of fewer corners, and worse ones
-  keep_certain(*scene_.camera(), pose, 6, &points);
+  keep_certain(*scene_.camera(), pose, 6, &points, RefineOptions());
   EXPECT_GT(points.points.size(), all / 20);
   EXPECT_LT(points.points.size(), all / 2);
   double mean = 0;
@@ -103,7 +103,7 @@ TEST_F(RefineTest, CertainIsWhatLiesWhereThePoseIsKnown) {
 
   points = points_in_view(truth);
   pose.covariance.setZero();
-  keep_certain(*scene_.camera(), pose, 6, &points);
+  keep_certain(*scene_.camera(), pose, 6, &points, RefineOptions());
   EXPECT_EQ(points.points.size(), all);
 }
 
@@ -127,7 +127,8 @@ TEST_F(RefineTest, FromOneCornerOfTheImageThePoseGrowsOverAllOfIt) {
       if (there) farthest = std::max(farthest, (*there - p.pixel).norm());
     }
     ASSERT_GT(farthest, 12) << "beyond what is searched";
-    const auto refined = refine(view, grid, *scene_.camera(), *index_, 1, pose);
+    const auto refined =
+        refine(view, grid, *scene_.camera(), *index_, 1, pose, RefineOptions(), MatchOptions());
     ASSERT_TRUE(refined) << refined.error().message;
     EXPECT_LT(error_of(refined->pose.camera_from_map, truth, *map_.snapshot()), 0.01);
   }
@@ -144,7 +145,7 @@ TEST_F(RefineTest, ThePointsOfTheKeyframeThatThePoseComesFromAreLookedForWhateve
   const PlaceView view = describe_image(image->view());
   const CornerGrid grid(view, *scene_.camera());
   PoseEstimate pose = known_on_the_left(truth);
-  const auto refined = refine(view, grid, *scene_.camera(), *index, 0, pose);
+  const auto refined = refine(view, grid, *scene_.camera(), *index, 0, pose, RefineOptions(), MatchOptions());
   ASSERT_TRUE(refined) << refined.error().message;
   EXPECT_LT(error_of(refined->pose.camera_from_map, truth, *both.snapshot()), 0.01);
   EXPECT_GT(refined->pose.inliers, 50);

@@ -2,6 +2,7 @@
 #include <array>
 #include <string>
 
+#include "common/base/member_count.h"
 #include "server/relocalization/relocalizer.h"
 
 namespace cairn {
@@ -15,6 +16,7 @@ constexpr OptionList::Range kCellRange = {0, kImageCells};
 constexpr OptionList::Range kRadius = {0.1, 1000};
 constexpr OptionList::Range kBits = {0, 256};
 constexpr OptionList::Range kPixels = {0, 1e4};
+constexpr OptionList::Range kTilt = {1e-6, 1.5};
 constexpr OptionList::Range kNearness = {0, 1000};
 
 template <size_t kSteps>
@@ -24,7 +26,7 @@ void add_radii(std::array<double, kSteps>* radii, const char* unit, OptionList* 
 }
 
 OptionList list_options(MatchOptions* o) {
-  OptionList list;
+  OptionList list(member_count<MatchOptions>());
   list.add("max_distance", &o->max_distance, kBits, "bits of 256");
   list.add("ratio", &o->ratio, {0.01, 1}, "of the distance of the best rival");
   list.add("same_place", &o->same_place, kPixels, "px of level 0 times 2^level");
@@ -37,7 +39,7 @@ OptionList list_options(MatchOptions* o) {
 }
 
 OptionList list_options(AppearanceOptions* o) {
-  OptionList list;
+  OptionList list(member_count<AppearanceOptions>());
   list.add("behind", &o->behind, {1, 1000}, "of the depth beside it");
   list.add("inconsistent", &o->inconsistent, kCorrelation, "correlation");
   list.add("standard_errors", &o->standard_errors, {0, 1000});
@@ -46,7 +48,7 @@ OptionList list_options(AppearanceOptions* o) {
 }
 
 OptionList list_options(RefineOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RefineOptions>() - 1 + o->radii.size());
   list.add("neighbourhood", &o->neighbourhood, {1, 1000}, "keyframes");
   list.add("angle_weight", &o->angle_weight, kNearness, "mean depths per rad");
   add_radii(&o->radii, "px of the corner's level", &list);
@@ -56,7 +58,7 @@ OptionList list_options(RefineOptions* o) {
 }
 
 OptionList list_options(SettleOptions* o) {
-  OptionList list;
+  OptionList list(member_count<SettleOptions>() - 1 + o->radii.size());
   list.add("aside", &o->aside, kShare, "mean depths, and rad");
   list.add("most_moves", &o->most_moves, {0, 1000});
   list.add("nearly_as_good", &o->nearly_as_good, kShare, "of the support");
@@ -67,8 +69,24 @@ OptionList list_options(SettleOptions* o) {
   return list;
 }
 
+OptionList list_options(GravityOptions* o) {
+  OptionList list(member_count<GravityOptions>());
+  list.add("chi_square", &o->chi_square, {0, 1e4}, "sigma^2");
+  list.add("pose_tilt", &o->pose_tilt, kTilt, "rad");
+  list.add("most_contradict", &o->most_contradict, kShare, "of the keyframes");
+  list.add("common_sigma", &o->common_sigma, kTilt, "rad");
+  return list;
+}
+
+OptionList list_options(ForestOptions* o) {
+  OptionList list(member_count<ForestOptions>());
+  list.add("trees", &o->trees, {1, 64}, "trees");
+  list.add("checks", &o->checks, {1, 1e6}, "images");
+  return list;
+}
+
 OptionList list_options(ConfirmOptions::Acceptance* o) {
-  OptionList list;
+  OptionList list(member_count<ConfirmOptions::Acceptance>());
   list.add("similarity", &o->similarity, kCorrelation, "correlation");
   list.add("evidence", &o->evidence, kCorrelation);
   list.add("of_met", &o->of_met, kShare, "of the matches that could be");
@@ -79,7 +97,7 @@ OptionList list_options(ConfirmOptions::Acceptance* o) {
 }
 
 OptionList list_options(ConfirmOptions* o) {
-  OptionList list;
+  OptionList list(member_count<ConfirmOptions>() - 1);  // the seed is a choice of a run
   list.add("rough_step", &o->rough_step, {1, 1000}, "points");
   list.add("agreeing_in_cell", &o->agreeing_in_cell, {1, 1e6}, "corners");
   list.add("min_supported", &o->min_supported, {3, 1e6}, "matches");
@@ -104,11 +122,12 @@ OptionList list_options(ConfirmOptions* o) {
   list.add_part("appearance", list_options(&o->appearance));
   list.add_part("refine", list_options(&o->refine));
   list.add_part("settle", list_options(&o->settle));
+  list.add_part("gravity", list_options(&o->gravity));
   return list;
 }
 
 OptionList list_options(OverlapOptions* o) {
-  OptionList list;
+  OptionList list(member_count<OverlapOptions>() - 1 + member_count<MapAgreementOptions>());
   list.add("most_maps", &o->most_maps, {1, 1e3}, "maps");
   list.add("most_shown", &o->most_shown, {1, 1e4}, "keyframes");
   list.add("next_to", &o->next_to, kNearness, "mean depths plus rad");
@@ -120,7 +139,7 @@ OptionList list_options(OverlapOptions* o) {
 }
 
 OptionList list_options(VoteOptions* o) {
-  OptionList list;
+  OptionList list(member_count<VoteOptions>());
   list.add("cells", &o->cells, {1, kProbedCells}, "cells of the vocabulary");
   return list;
 }
@@ -128,7 +147,7 @@ OptionList list_options(VoteOptions* o) {
 }  // namespace
 
 OptionList list_options(RelocOptions* o) {
-  OptionList list;
+  OptionList list(member_count<RelocOptions>() - 2);  // choices of a run: relocalizer.h
   list.add("by_image_alone", &o->by_image_alone, kCount, "keyframes");
   list.add("shortlist", &o->shortlist, {1, 1e6}, "keyframes");
   list.add("most_scanned", &o->most_scanned, {1, 1e9}, "images");
@@ -147,6 +166,7 @@ OptionList list_options(RelocOptions* o) {
   list.add("least_peculiar", &o->least_peculiar, kShare, "of the corners found");
   list.add("least_margin", &o->least_margin, {1, 1000}, "of a rival's corners");
   list.add("outvoted_by", &o->outvoted_by, {1, 1e6}, "keyframes for each that confirms");
+  list.add_part("forest", list_options(&o->forest));
   list.add_part("votes", list_options(&o->votes));
   list.add_part("confirm", list_options(&o->confirm));
   list.add_part("overlap", list_options(&o->overlap));

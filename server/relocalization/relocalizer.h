@@ -34,8 +34,9 @@ struct RelocOptions {
   int shortlist = 16;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
   ImageSearch search = ImageSearch::kForest;
-  /// Images that are scanned before a forest is planted.
-  size_t most_scanned = kMostScanned;
+  /// Images that are scanned before a forest is planted, which finds more of them sooner (cairn-index-bench).
+  size_t most_scanned = 40'000;
+  ForestOptions forest;
   ConfirmOptions confirm;
   /// What a place that is confirmed must have before its rivals, which are places of other maps and others of
   /// its own: its share of the corners found that none of them explains as something else,
@@ -87,7 +88,7 @@ struct SearchScope {
 /// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =
 /// alike (kImproved).
 [[nodiscard]] RelocalizationAnswer relocalize(const PlaceIndex& index, const Camera& camera,
-                                              const PlaceView& view, const RelocOptions& options = {},
+                                              const PlaceView& view, const RelocOptions& options,
                                               const SearchScope& scope = {});
 
 }  // namespace cairn

@@ -28,7 +28,7 @@ class RelocalizerTest : public testing::PlacesTest {
     const auto cells = probed_cells(view);
     const IndexedMap& indexed = *index_.find(map().snapshot()->map);
     return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), indexed, 1,
-                   run_prefilter(view, cells, indexed, 1), options);
+                   run_prefilter(view, cells, indexed, 1, MatchOptions()), options);
   }
 };
 
@@ -38,7 +38,8 @@ TEST_F(RelocalizerTest, AViewOfAMappedPlaceIsFoundInItsMapWithItsPose) {
     for (const auto& [scene, map] :
          {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
       const auto image = scene->render(Scene::pose(step), 100 + static_cast<uint64_t>(step));
-      const RelocalizationAnswer answer = relocalize(index_, *scene->camera(), describe_image(image->view()));
+      const RelocalizationAnswer answer =
+          relocalize(index_, *scene->camera(), describe_image(image->view()), RelocOptions());
       ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
       EXPECT_EQ(answer.candidates.front().map, map->snapshot()->map);
       EXPECT_EQ(answer.candidates.front().epoch, Epoch{3});
@@ -52,7 +53,7 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   for (const int step : {0, 3, 8}) {
     const auto image = elsewhere.render(Scene::pose(step), 1);
     const RelocalizationAnswer answer =
-        relocalize(index_, *elsewhere.camera(), describe_image(image->view()));
+        relocalize(index_, *elsewhere.camera(), describe_image(image->view()), RelocOptions());
     EXPECT_EQ(answer.verdict, RelocalizationVerdict::kNotKnown) << step;
     EXPECT_FALSE(answer.reason.empty());
     for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
@@ -102,7 +103,7 @@ TEST_F(RelocalizerTest, CornersThatThePoseExplainsOtherwiseAreNotHeldAgainstIt) 
   const auto ask = [&](const IndexedMap& map) {
     const auto cells = probed_cells(view);
     return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), map, kKeyframe,
-                   run_prefilter(view, cells, map, kKeyframe), {});
+                   run_prefilter(view, cells, map, kKeyframe, MatchOptions()), {});
   };
   const IndexedMapPtr exact = map().index();
   const Confirmation plain = ask(*exact);
@@ -196,7 +197,7 @@ TEST_F(RelocalizerTest, WhereTwoCellsShowSomethingElseSimilarityInTheMeanIsNotEn
     const CornerGrid grid(view, *scene().camera());
     const auto ask = [&](const ConfirmOptions& options) {
       return confirm(view, cells, grid, *scene().camera(), *indexed, 1,
-                     run_prefilter(view, cells, *indexed, 1), options);
+                     run_prefilter(view, cells, *indexed, 1, MatchOptions()), options);
     };
     EXPECT_EQ(ask(by_image).inconsistent_cells, 0);
     for (size_t cell = 0; cell < kImageCells; ++cell) {
@@ -360,7 +361,8 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
         lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * curved + bias), 0L, 255L));
       }
     }
-    const RelocalizationAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
+    const RelocalizationAnswer answer =
+        relocalize(index_, *scene().camera(), describe_image(lit), RelocOptions());
     ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
     EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(2), *map().snapshot()), 0.01);
   }
@@ -369,11 +371,14 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
 TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyImageKnowNothing) {
   const auto image = scene().render(Scene::pose(2), 5);
   const PlaceView view = describe_image(image->view());
-  EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, RelocalizationVerdict::kNotKnown);
-  EXPECT_EQ(relocalize(index_, *scene().camera(), {}).verdict, RelocalizationVerdict::kNotKnown);
+  EXPECT_EQ(relocalize({}, *scene().camera(), view, RelocOptions()).verdict,
+            RelocalizationVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), {}, RelocOptions()).verdict,
+            RelocalizationVerdict::kNotKnown);
   PlaceView blank = describe_image(GrayImage(image->width(), image->height()));
   EXPECT_TRUE(blank.corners.empty());
-  EXPECT_EQ(relocalize(index_, *scene().camera(), blank).verdict, RelocalizationVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), blank, RelocOptions()).verdict,
+            RelocalizationVerdict::kNotKnown);
 }
 
 TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
@@ -395,8 +400,8 @@ TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
 TEST_F(RelocalizerTest, EqualQueriesHaveEqualAnswers) {
   const auto image = scene().render(Scene::pose(3), 5);
   const PlaceView view = describe_image(image->view());
-  const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view);
-  const RelocalizationAnswer second = relocalize(index_, *scene().camera(), view);
+  const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view, RelocOptions());
+  const RelocalizationAnswer second = relocalize(index_, *scene().camera(), view, RelocOptions());
   ASSERT_EQ(first.candidates.size(), second.candidates.size());
   for (size_t i = 0; i < first.candidates.size(); ++i) {
     const SE3& a = first.candidates[i].camera_from_keyframe;
@@ -414,16 +419,16 @@ TEST_F(RelocalizerTest, TheOrderInWhichMapsCameDoesNotMatter) {
   for (const int step : {1, 5, 9}) {
     const PlaceView view = describe_image(scene().render(Scene::pose(step), 3)->view());
     const auto cells = probed_cells(view);
-    const auto votes = vote(index_, all_maps(index_), view, cells, 6);
-    const auto same = vote(other_order, all_maps(other_order), view, cells, 6);
+    const auto votes = vote(index_, all_maps(index_), view, cells, 6, VoteOptions());
+    const auto same = vote(other_order, all_maps(other_order), view, cells, 6, VoteOptions());
     ASSERT_EQ(votes.size(), 6U);
     for (size_t i = 0; i < votes.size(); ++i) {
       EXPECT_EQ(votes[i].score, same[i].score);
       EXPECT_EQ(votes[i].keyframe, same[i].keyframe);
       EXPECT_EQ(votes[i].map->snapshot->map, same[i].map->snapshot->map);
     }
-    const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view);
-    const RelocalizationAnswer second = relocalize(other_order, *scene().camera(), view);
+    const RelocalizationAnswer first = relocalize(index_, *scene().camera(), view, RelocOptions());
+    const RelocalizationAnswer second = relocalize(other_order, *scene().camera(), view, RelocOptions());
     ASSERT_EQ(first.candidates.size(), second.candidates.size());
     EXPECT_EQ(first.candidates.front().camera_from_keyframe.translation(),
               second.candidates.front().camera_from_keyframe.translation());
@@ -438,17 +443,18 @@ TEST_F(RelocalizerTest, ThePrefilterTellsWhetherToLookCloser) {
   size_t done_with = 0;
   for (const IndexedMapPtr& indexed : index_.maps()) {
     for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
-      const Prefilter prefilter = run_prefilter(view, cells, *indexed, k);
+      const Prefilter prefilter = run_prefilter(view, cells, *indexed, k, MatchOptions());
       EXPECT_TRUE(
           std::ranges::all_of(prefilter.matches, [](const PlaceMatch& m) { return m.corner % 2 == 0; }));
       EXPECT_LE(prefilter.distinct, prefilter.matches.size());
-      const auto all = match_closer(view, cells, *indexed, k, prefilter);
+      const auto all = match_closer(view, cells, *indexed, k, prefilter, MatchOptions());
       if (prefilter.supported > 0) {
         promising_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
         continue;
       }
       ++done_with;
-      EXPECT_LT(keep_supported(view, all).size(), static_cast<size_t>(ConfirmOptions{}.min_supported));
+      EXPECT_LT(keep_supported(view, all, MatchOptions()).size(),
+                static_cast<size_t>(ConfirmOptions{}.min_supported));
       const Confirmation said = confirm(view, cells, grid, *scene().camera(), *indexed, k, prefilter, {});
       EXPECT_FALSE(said.confirmed);
       EXPECT_EQ(said.matches, static_cast<int>(prefilter.distinct)) << "no closer look";

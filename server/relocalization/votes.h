@@ -31,6 +31,6 @@ struct Voted {
 /// is all maps say. Sums are of integers and ties go by ids.
 [[nodiscard]] std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
                                       const PlaceView& view, std::span<const CellList> cells, size_t count,
-                                      const VoteOptions& options = {});
+                                      const VoteOptions& options);
 
 }  // namespace cairn

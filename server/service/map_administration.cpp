@@ -223,7 +223,7 @@ void MapAdministration::take_in(MapId id, MapOpening::Undo undo, const AdminAnsw
       context_.post(telling(answer, refusal(ErrorCode::kRefused, "the map " + why)));
     }
   };
-  context_.store->opening().restore_one(id, context_.options.mapping,
+  context_.store->opening().restore_one(id, context_.options.opening(),
                                         restored_images(context_.options.idle_after), undo, serve);
 }
 

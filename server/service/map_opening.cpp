@@ -58,7 +58,7 @@ struct MapOpening::Loaded {
   std::vector<std::string> damage;
 };
 
-MapOpening::Loaded MapOpening::load(MapId map, const MapMakerOptions& options, RestoredImages images) const {
+MapOpening::Loaded MapOpening::load(MapId map, const OpeningOptions& options, RestoredImages images) const {
   Result<StoredMap> stored = fail(ErrorCode::kInternal, "not loaded");
   try {
     stored = with_.store.load(map);
@@ -68,7 +68,7 @@ MapOpening::Loaded MapOpening::load(MapId map, const MapMakerOptions& options, R
   return make_ready(map, std::move(stored), options, images);
 }
 
-MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, const MapMakerOptions& options,
+MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, const OpeningOptions& options,
                                           RestoredImages images) {
   Loaded loaded{.map = map, .name = {}, .damage = {}};
   const auto fail_with = [&loaded](const Error& error) {
@@ -82,13 +82,13 @@ MapOpening::Loaded MapOpening::make_ready(MapId map, Result<StoredMap> stored, c
     loaded.name = header.name;
     // Indexed first, and only then, if they are needed, made ready to be worked on: that takes several times
     // as long.
-    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options,
+    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options.mapping,
                                   RestoredImages::kEvicted);
     if (!made) return fail_with(made.error());
     loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
     MapMaker& maker = *made->maker;
-    IndexedMapPtr indexed =
-        index_map(nullptr, maker.snapshot(), views_with_images(maker, stored->record.images));
+    IndexedMapPtr indexed = index_map(nullptr, maker.snapshot(),
+                                      views_with_images(maker, stored->record.images), options.gravity);
     if (images == RestoredImages::kStay || !loaded.damage.empty() || maker.has_work()) {
       for (const ImageRecord& r : stored->record.images)
         (void)maker.page_in_image(r.keyframe, r.image->view());
@@ -161,7 +161,7 @@ void MapOpening::forget_unloaded(MapId map) {
   std::erase_if(unloaded_, [map](const UnloadedMap& other) { return other.map == map; });
 }
 
-std::vector<RestoredMap> MapOpening::restore(const MapMakerOptions& options, const Parallel& parallel,
+std::vector<RestoredMap> MapOpening::restore(const OpeningOptions& options, const Parallel& parallel,
                                              RestoredImages images) {
   const std::vector<MapId> maps = with_.store.maps();
   std::vector<Loaded> loaded(maps.size());
@@ -177,7 +177,7 @@ std::vector<RestoredMap> MapOpening::restore(const MapMakerOptions& options, con
   return restored;
 }
 
-void MapOpening::restore_one(MapId map, const MapMakerOptions& options, RestoredImages images, Undo undo,
+void MapOpening::restore_one(MapId map, const OpeningOptions& options, RestoredImages images, Undo undo,
                              std::function<void(Result<RestoredMap>)> done) {
   auto loaded = std::make_shared<Loaded>(load(map, options, images));
   with_.run([this, loaded, undo, done = std::move(done)](Store&) {
@@ -186,7 +186,7 @@ void MapOpening::restore_one(MapId map, const MapMakerOptions& options, Restored
   });
 }
 
-void MapOpening::change_state(MapId map, const MapMakerOptions& options, RestoredImages images,
+void MapOpening::change_state(MapId map, const OpeningOptions& options, RestoredImages images,
                               StateChange how) {
   with_.run([this, map, options, images, how = std::move(how)](Store& writers) {
     writers.let_go(map);

@@ -14,6 +14,7 @@
 #include "server/relocalization/place_index.h"
 #include "server/service/executor.h"
 #include "server/service/held_strand.h"
+#include "server/service/service_options.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -69,14 +70,14 @@ class MapOpening {
   /// aside (logged with file, rows and where the copy is) and replaced by what could be saved of it, if
   /// anything. One that cannot be loaded for other reasons (a newer version, the disk, memory) is left alone:
   /// it is one of unloaded(). To be called once, before anything else.
-  [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, const Parallel& parallel,
+  [[nodiscard]] std::vector<RestoredMap> restore(const OpeningOptions& options, const Parallel& parallel,
                                                  RestoredImages images = RestoredImages::kStay);
 
   /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_on_strand()). If
   /// it cannot be loaded, `undo` takes it back to where it was: nothing has happened then. `done` is called
   /// by the writer.
   using Undo = Status (Store::*)(MapId map);
-  void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images, Undo undo,
+  void restore_one(MapId map, const OpeningOptions& options, RestoredImages images, Undo undo,
                    std::function<void(Result<RestoredMap>)> done);
   /// The same for one that was loaded and cannot be served after all, for this reason: by the writer.
   void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
@@ -91,12 +92,12 @@ class MapOpening {
     std::function<void(RestoredMap map)> take;
     std::function<void(const Status& changed)> done;
   };
-  void change_state(MapId map, const MapMakerOptions& options, RestoredImages images, StateChange how);
+  void change_state(MapId map, const OpeningOptions& options, RestoredImages images, StateChange how);
 
  private:
   struct Loaded;
-  [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
-  [[nodiscard]] static Loaded make_ready(MapId map, Result<StoredMap> stored, const MapMakerOptions& options,
+  [[nodiscard]] Loaded load(MapId map, const OpeningOptions& options, RestoredImages images) const;
+  [[nodiscard]] static Loaded make_ready(MapId map, Result<StoredMap> stored, const OpeningOptions& options,
                                          RestoredImages images);
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
   /// Of a map that cannot be loaded and has been there: out of the way if it is damaged, else left alone.

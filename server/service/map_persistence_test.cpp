@@ -68,7 +68,7 @@ class MapPersistenceTest : public testing::KeptMapFixture {
   [[nodiscard]] Status restored(MapPersistence* store, MapOpening::Undo undo = &Store::undo_undelete) {
     auto loaded = std::make_shared<std::promise<Status>>();
     store->opening().restore_one(
-        header_.id, options_, RestoredImages::kStay, undo,
+        header_.id, {options_, {}}, RestoredImages::kStay, undo,
         [loaded](const auto& map) { loaded->set_value(map ? Status() : tl::unexpected(map.error())); });
     return loaded->get_future().get();
   }
@@ -96,7 +96,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
   damage(GetParam().table, GetParam().row);
   {
     const auto store = open();
-    std::vector<RestoredMap> maps = store->opening().restore(options_, on_threads(kThreads));
+    std::vector<RestoredMap> maps = store->opening().restore({options_, {}}, on_threads(kThreads));
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(set_aside(), 1U);
     MapMaker& map = *maps[0].maker;
@@ -110,7 +110,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
     EXPECT_TRUE(kept) << kept.error().message;
   }
   const auto store = open();
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), SizeIs(1));
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), SizeIs(1));
   EXPECT_EQ(set_aside(), 1U) << "what was saved of it is sound";
 }
 
@@ -128,7 +128,7 @@ TEST_P(FatalRowTest, SetsTheMapAside) {
   keep_a_map();
   damage(GetParam().table, GetParam().row);
   const auto store = open();
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 1U);
   EXPECT_FALSE(std::filesystem::exists(file()));
 }
@@ -151,7 +151,7 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   const std::filesystem::path no_file = folder_ / "maps" / (to_hex(unreadable.bytes) + ".cairnmap");
   std::filesystem::create_directory(no_file);  // reading it is an I/O error
   const auto store = open();
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 0U);
   const std::vector<UnloadedMap> both = store->opening().unloaded();
   ASSERT_THAT(both, SizeIs(2));
@@ -207,7 +207,7 @@ TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
   std::filesystem::remove(file());
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   const std::vector<UnloadedMap> unloaded = store->opening().unloaded();
   ASSERT_THAT(unloaded, SizeIs(1));
   EXPECT_EQ(unloaded[0].map, header_.id);
@@ -221,7 +221,7 @@ TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
   std::filesystem::remove(file());
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   EXPECT_THAT(store->opening().unloaded(), SizeIs(1));
 }
 
@@ -234,7 +234,7 @@ TEST_F(MapPersistenceTest, WhatCannotBeSetAsideIsLoggedOnceAndLeftAlone) {
   const auto store = MapPersistence::start(folder_, store_threads(log), log);
   ASSERT_TRUE(store);
   std::filesystem::remove(folder_ / "damaged");
-  EXPECT_THAT((*store)->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT((*store)->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   EXPECT_THAT((*store)->opening().unloaded(), SizeIs(1));
   const std::string text = said.str();
   const size_t first = text.find("table map, row 1");
@@ -247,7 +247,7 @@ TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
   std::filesystem::resize_file(file(), 0);
   std::ofstream(file().string() + "-wal") << "perhaps all of it";
   const auto store = open();
-  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore({options_, {}}, on_threads(kThreads)), IsEmpty());
   const std::vector<DamagedFile> damaged = store->opening().damaged_files();
   ASSERT_THAT(damaged, SizeIs(1));
   EXPECT_EQ(damaged[0].map, header_.id);
@@ -263,7 +263,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   {
     const auto store = open();
     const std::vector<RestoredMap> maps =
-        store->opening().restore(options_, on_threads(kThreads), RestoredImages::kEvicted);
+        store->opening().restore({options_, {}}, on_threads(kThreads), RestoredImages::kEvicted);
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(maps[0].maker->statistics().without_images, 0U) << "a global adjustment is due";
     adjust_globally();
@@ -272,7 +272,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   }
   const auto store = open();
   const std::vector<RestoredMap> maps =
-      store->opening().restore(options_, on_threads(kThreads), RestoredImages::kEvicted);
+      store->opening().restore({options_, {}}, on_threads(kThreads), RestoredImages::kEvicted);
   ASSERT_THAT(maps, SizeIs(1));
   MapMaker& map = *maps[0].maker;
   EXPECT_FALSE(map.has_work());

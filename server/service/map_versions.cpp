@@ -260,7 +260,7 @@ void MapVersions::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState
   entry->runner->give_way(
       [this, id, change = std::move(change), place = std::move(place), take, done](const Status& kept) {
         if (!kept) return done(kept);
-        context_.store->opening().change_state(id, context_.options.mapping,
+        context_.store->opening().change_state(id, context_.options.opening(),
                                                restored_images(context_.options.idle_after),
                                                {place, change, take, done});
       });

@@ -42,7 +42,7 @@ IndexedMapPtr map_of(uint8_t id, const std::vector<KeyframeView>& views) {
   snapshot->keyframe_blocks = {block};
   std::vector<KeyframeView> with_images;
   for (const KeyframeView& view : views) with_images.push_back(keyframe(view.id.value));
-  return index_map(nullptr, snapshot, with_images);
+  return index_map(nullptr, snapshot, with_images, GravityOptions());
 }
 
 class OverlapWatchTest : public ::testing::Test {

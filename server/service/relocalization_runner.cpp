@@ -65,7 +65,7 @@ void RelocalizationRunner::adopt(const MapId& map, const Reported& reported) {
     return;
   }
   const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
-  const IndexedMapPtr indexed = index_map(known, reported.snapshot, reported.views);
+  const IndexedMapPtr indexed = index_map(known, reported.snapshot, reported.views, options_.confirm.gravity);
   next.put(indexed);
   publish(std::move(next));
   if (times_ != nullptr) {
@@ -87,7 +87,7 @@ void RelocalizationRunner::plant_if_needed() {
 void RelocalizationRunner::plant() {
   std::optional<ImageForestPtr> forest;
   try {
-    forest = plant_forest(*index(), options_.most_scanned);
+    forest = plant_forest(*index(), options_.most_scanned, options_.forest);
   } catch (const std::exception& problem) {  // memory: the scan goes on, and the next change tries again
     log_->error("no forest of the images: {}", problem.what());
   }

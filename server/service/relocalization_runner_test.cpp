@@ -118,7 +118,7 @@ TEST_F(RelocalizationRunnerTest, AnImageThatWasEvictedIsFoundAsItWasIndexed) {
   measured_anew.measurements.push_back({PointId{1}, 0, {10, 10}});
   runner_->report(snapshot_with(1, 2), {without_image(first), measured_anew});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
-  const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second});
+  const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second}, GravityOptions());
   runner_->remove(snapshot_with(1, 2)->map);
   runner_->report(indexed->snapshot, {without_image(first), without_image(second)}, indexed);
   runner_->report(indexed->snapshot, {without_image(first), without_image(second)});

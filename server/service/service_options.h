@@ -20,6 +20,12 @@
 
 namespace cairn {
 
+/// How the maps of a store are made ready to be worked on and searched.
+struct OpeningOptions {
+  MapMakerOptions mapping;
+  GravityOptions gravity;
+};
+
 /// How the map service works, whatever it is reached by.
 struct MapServiceOptions {
   uint64_t seed = 0;  ///< of map ids; 0: as `entropy` has it, which must be there then
@@ -53,6 +59,8 @@ struct MapServiceOptions {
   std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
   std::shared_ptr<const Clock> clock = {};
   WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
+
+  [[nodiscard]] OpeningOptions opening() const { return {mapping, relocalization.confirm.gravity}; }
 };
 
 }  // namespace cairn

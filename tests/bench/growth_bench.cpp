@@ -199,7 +199,7 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
     FrameCost& cost = (*costs)[i];
     if (!cost.tracked || now.ms < cost.ms) cost = now;
     if (result.reloc_query) {
-      const RelocalizationAnswer said = relocalize(index, *place.camera, *result.reloc_query);
+      const RelocalizationAnswer said = relocalize(index, *place.camera, *result.reloc_query, RelocOptions());
       static_cast<void>(tracker.relocalization_answered(hypothesis_of(said)));
     }
   }

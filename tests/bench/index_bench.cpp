@@ -204,7 +204,7 @@ void time_answers(const PlaceIndex& index, const RecordedPlace& place, const cha
   size_t right = 0;
   for (const PlaceView& view : place.views) {
     const auto begin = std::chrono::steady_clock::now();
-    const RelocalizationAnswer answer = relocalize(index, *place.camera, view);
+    const RelocalizationAnswer answer = relocalize(index, *place.camera, view, RelocOptions());
     const double us = us_since(begin);
     const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_image_alone);
     (is_early ? by_image : with_words).push_back(us);
@@ -222,7 +222,7 @@ void time_answers(const PlaceIndex& index, const RecordedPlace& place, const cha
 void run_answers(World* world, const RecordedPlace& place, size_t keyframes) {
   world->grow_to(keyframes);
   time_answers(world->index, place, "scan");
-  world->index.set_forest(plant_forest(world->index, 0));
+  world->index.set_forest(plant_forest(world->index, 0, ForestOptions()));
   time_answers(world->index, place, "forest");
   world->index.set_forest(nullptr);
 }
@@ -246,7 +246,7 @@ void run_size(World* world, size_t keyframes, size_t count) {
          fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactImage)) * 1e-6));
   report(keyframes, "scan, for the fused order", look(kFused, kFused, ImageSearch::kScan), "");
   const auto begin = std::chrono::steady_clock::now();
-  ImageForestPtr forest = plant_forest(index, 0);
+  ImageForestPtr forest = plant_forest(index, 0, ForestOptions());
   const double planted_us = us_since(begin);
   const size_t bytes = forest->bytes();
   const auto adopted = std::chrono::steady_clock::now();

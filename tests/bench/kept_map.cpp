@@ -47,7 +47,7 @@ Result<KeptMap> read_kept_map(const std::filesystem::path& folder, const std::st
   if (!trajectory) return tl::unexpected(trajectory.error());
   KeptMap kept;
   const MapSnapshotPtr snapshot = restored->maker->snapshot();
-  kept.map = index_map(nullptr, snapshot, restored->maker->keyframe_views());
+  kept.map = index_map(nullptr, snapshot, restored->maker->keyframe_views(), GravityOptions());
   for (TrajectorySegment& segment : trajectory->segments)
     std::move(segment.poses.begin(), segment.poses.end(), std::back_inserter(kept.poses));
   return kept;

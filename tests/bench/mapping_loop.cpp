@@ -84,7 +84,7 @@ MapRecord MappingLoop::record() {
 }
 
 void MappingLoop::answer(const PlaceView& view) {
-  const RelocalizationAnswer said = relocalize(index_, *camera_, view);
+  const RelocalizationAnswer said = relocalize(index_, *camera_, view, RelocOptions());
   observer_.on_answer(said);
   static_cast<void>(tracker_->relocalization_answered(hypothesis_of(said)));
 }
@@ -150,7 +150,7 @@ void MappingLoop::take_in(const KeyframeProposal& proposal, const Frame& frame) 
 void MappingLoop::work() {
   finish_work(maker_.get(), options_.local_only, &observer_);
   snapshot_ = maker_->snapshot();
-  index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
+  index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views(), GravityOptions()));
   for (const CameraEstimate& estimate : maker_->statistics().cameras) use(estimate);
 }
 

@@ -228,7 +228,7 @@ MapSnapshotPtr table_of_points(int count) {
 
 /// Points of a whole map that are to be looked for in a frame that shows a quarter of it.
 void BM_FindVisible(benchmark::State& state) {
-  PointSearch search(desk().shared_camera());
+  PointSearch search(desk().shared_camera(), PointSearchOptions());
   search.use_map(table_of_points(static_cast<int>(state.range(0))));
   std::vector<VisiblePoint> visible;
   const SE3 camera_from_map(so3_exp({0.2, 0.1, 0}), {0.1, 0, 0.9});

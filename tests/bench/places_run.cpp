@@ -67,7 +67,7 @@ std::vector<Voted> vote_everywhere(const PlaceIndex& index, const PlaceView& vie
                                    std::span<const CellList> cells, size_t count) {
   std::vector<const IndexedMap*> maps;
   for (const IndexedMapPtr& map : index.maps()) maps.push_back(map.get());
-  return vote(index, maps, view, cells, count);
+  return vote(index, maps, view, cells, count, VoteOptions());
 }
 
 /// The keyframe with the most votes of the words: always an answer, at that keyframe's own pose. 10 240
@@ -86,8 +86,9 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
   const auto cells = probed_cells(view);
   const CornerGrid grid(view, camera);
   for (const Voted& v : vote_everywhere(index, view, cells, static_cast<size_t>(options.shortlist))) {
-    const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe,
-                                      run_prefilter(view, cells, *v.map, v.keyframe), options.confirm);
+    const Confirmation said =
+        confirm(view, cells, grid, camera, *v.map, v.keyframe,
+                run_prefilter(view, cells, *v.map, v.keyframe, options.confirm.match), options.confirm);
     if (!said.confirmed) continue;
     const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
     return Said{v.map->snapshot->map, k->id, *said.camera_from_map * k->camera_from_map.inverse()};
@@ -210,8 +211,9 @@ class Examination {
       return std::tuple(c.confirmed, c.inliers, c.agreeing, c.supported);
     };
     for (size_t k = 0; k < map.keyframes.size(); ++k) {
-      const Confirmation said = confirm(view, cells, grid, *place.camera, map, k,
-                                        run_prefilter(view, cells, map, k), options.confirm);
+      const Confirmation said =
+          confirm(view, cells, grid, *place.camera, map, k,
+                  run_prefilter(view, cells, map, k, options.confirm.match), options.confirm);
       if (k > 0 && merit(said) <= merit(most)) continue;
       most = said;
       best = k;

@@ -208,7 +208,7 @@ Result<PosedMap> map_posed_stills(const CameraPtr& camera, const std::vector<Pos
     if (const KeyframePose* k = snapshot->find(KeyframeId{i + 1}))
       result.poses.push_back({stills[i].time, k->camera_from_map.inverse()});
   }
-  result.map = index_map(nullptr, snapshot, restored->maker->keyframe_views());
+  result.map = index_map(nullptr, snapshot, restored->maker->keyframe_views(), GravityOptions());
   result.record = restored->maker->take_changes();
   return result;
 }

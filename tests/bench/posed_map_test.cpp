@@ -34,8 +34,8 @@ TEST(PosedMap, ItsPointsLieOnWhatTheStillsShowAndAViewBetweenThemIsFound) {
   images.build_pyramid(scene.render(truth, 50)->view());
   PlaceIndex index;
   index.put(mapped->map);
-  const RelocalizationAnswer answer =
-      relocalize(index, *scene.camera(), describe_place(images.pyramid, images.all_corners()));
+  const RelocalizationAnswer answer = relocalize(
+      index, *scene.camera(), describe_place(images.pyramid, images.all_corners()), RelocOptions());
   ASSERT_EQ(answer.verdict, RelocalizationVerdict::kConfirmed) << answer.reason;
   const PlaceCandidate& best = answer.candidates.front();
   const SE3 found = best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;

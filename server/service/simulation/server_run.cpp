@@ -34,7 +34,7 @@ Status ServerRun::open(const Setup& setup) {
   options.clock = clock_;
   if (setup.adjust) setup.adjust(options);
   std::vector<RestoredMap> restored = store_->opening().restore(
-      options.mapping, [](const Task& share) { share(); }, restored_images(options.idle_after));
+      options.opening(), [](const Task& share) { share(); }, restored_images(options.idle_after));
   auto site = SiteAccess::open(
       setup.folder, SiteKind::kOpen, [clock = clock_] { return clock->wall(); }, setup.log);
   if (!site) return tl::unexpected(site.error());
