@@ -7,18 +7,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kGravity = 9.80665;      // [m/s^2]
-constexpr double kTrusted = 0.2;          // further from gravity, one acceleration does not tell where up is
-constexpr double kUprighting = 0.15;      // [1/s]: slow beside a step of the wearer
-constexpr double kBiasLearning = 0.0056;  // [1/s^2]: a quarter of its square, so that nothing swings
-
-constexpr double kFirst = 0.5;  // [s]: at first it is the mean of all accelerations
-
-constexpr double kRest = 1;  // [s]
-constexpr double kRestOff =
-    0.0017;  // [rad]: half the play of a small gear stays within it, a wearer does not
-constexpr double kHighestBias = 0.03;  // [rad/s]
-constexpr int kMostRests = 20;         // that are averaged
+constexpr double kGravity = 9.80665;  // [m/s^2]
 
 }  // namespace
 
@@ -55,11 +44,11 @@ void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d&
   second_.turns += second_.turn;
   second_.turns_squared += second_.turn.cwiseAbs2();
   second_.times_turns += second_.time * second_.turn;
-  if (second_.time < kRest) return;
+  if (second_.time < options_.rest) return;
   const Line line = line_through(second_);
-  const bool head_turns_slowly = second_.rate.norm() / second_.samples < kHighestBias;
-  if (head_turns_slowly && line.off < kRestOff && line.slope.norm() < kHighestBias) {
-    rests_ = std::min(rests_ + 1, kMostRests);
+  const bool head_turns_slowly = second_.rate.norm() / second_.samples < options_.highest_bias;
+  if (head_turns_slowly && line.off < options_.rest_off && line.slope.norm() < options_.highest_bias) {
+    rests_ = std::min(rests_ + 1, options_.most_rests);
     bias_ += (line.slope - bias_) / rests_;
     turn_by(off_upright(second_.acceleration / second_.samples));
   }
@@ -69,7 +58,7 @@ void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d&
 void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
                       const Eigen::Vector3d& turned) {
   if (!known_) {
-    if (std::abs(acceleration.norm() / kGravity - 1) > kTrusted) return;
+    if (std::abs(acceleration.norm() / kGravity - 1) > options_.trusted) return;
     world_from_imu_ = Eigen::Quaterniond::FromTwoVectors(acceleration, Eigen::Vector3d::UnitZ());
     const double heading = std::atan2((world_from_imu_ * Eigen::Vector3d::UnitX()).y(),
                                       (world_from_imu_ * Eigen::Vector3d::UnitX()).x());
@@ -82,10 +71,10 @@ void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& accele
   // mean.
   const Eigen::Vector3d wrong = off_upright(acceleration);
   age_ += step;
-  bias_ -= kBiasLearning * step * wrong;
+  bias_ -= options_.bias_learning * step * wrong;
   learn_at_rest(rate, acceleration, step, turned);
   rate_ = rate - bias_;
-  turn_by((rate_ + std::max(kUprighting, 1 / (age_ + kFirst)) * wrong) * step);
+  turn_by((rate_ + std::max(options_.uprighting, 1 / (age_ + options_.first)) * wrong) * step);
 }
 
 }  // namespace cairn

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "hw/rig/rig_tuning.h"
+
 namespace cairn {
 
 /// How what carries the IMU stands in the world, from its gyro and, slowly, from where its accelerometer
@@ -13,6 +15,8 @@ namespace cairn {
 /// told from one. Pure.
 class Attitude {
  public:
+  explicit Attitude(const AttitudeOptions& options) : options_(options) {}
+
   /// One sample, means since the one before: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the
   /// IMU's axes, `step` [s] after the one before, and by how much the axes have turned it against the
   /// shoulder since then [rad, a rotation vector in its axes]. The first one sets up, with heading 0.
@@ -53,6 +57,7 @@ class Attitude {
   [[nodiscard]] Eigen::Vector3d off_upright(const Eigen::Vector3d& acceleration) const;
   void turn_by(const Eigen::Vector3d& turn);
 
+  AttitudeOptions options_;
   Second second_;
   int rests_ = 0;
   bool known_ = false;

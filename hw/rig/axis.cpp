@@ -12,17 +12,14 @@ using namespace std::chrono_literals;
 
 constexpr auto kHeartbeatDeadline = 550ms;  // drives send one each 100 ms; five are not lost by chance
 constexpr auto kAnswerTime = 500ms;         // from a change of state asked for to the heartbeat that tells it
-constexpr auto kHomingTime = 60s;
-constexpr double kRateHeadroom = 1.2;  // of the drive's own limit over that of the setpoints, to catch up
-constexpr double kRunawayRate = 1.6;   // of the limit: no setpoint and no catching up is so fast
-constexpr double kJump = 0.05;         // [rad]: nothing turns so far at once
-constexpr double kJumpRate = 3;        // of the limit
 
 }  // namespace
 
-Axis::Axis(const AxisConfiguration& configuration, std::chrono::milliseconds period,
+Axis::Axis(const AxisConfiguration& configuration, const RigTuning& tuning, std::chrono::milliseconds period,
            std::chrono::milliseconds deadline, MonotonicTime now)
     : configuration_(configuration),
+      options_(tuning.axis),
+      stall_(tuning.stall),
       period_(period),
       deadline_(deadline),
       state_(axis_state::Unknown()),
@@ -131,7 +128,7 @@ void Axis::take(const odrive::Heartbeat& heartbeat, MonotonicTime now) {
   } else if (std::holds_alternative<axis_state::Activating>(state_)) {
     if (heartbeat.state == odrive::AxisState::kClosedLoop && position_) {
       state_ = axis_state::Active{MotionProfile(configuration_.limits, period_seconds(), *position_),
-                                  StallWatch(period_seconds())};
+                                  StallWatch(period_seconds(), stall_)};
     }
   } else if (std::holds_alternative<axis_state::Active>(state_) &&
              heartbeat.state != odrive::AxisState::kClosedLoop) {
@@ -155,7 +152,8 @@ void Axis::leave_homing(const odrive::Heartbeat& heartbeat) {
 bool Axis::has_jumped(double angle, MonotonicTime now) const {
   const double elapsed = std::chrono::duration<double>(now - estimated_).count();
   return homed_ && position_ &&
-         std::abs(angle - *position_) > kJump + kJumpRate * configuration_.limits.rate * elapsed;
+         std::abs(angle - *position_) >
+             options_.jump + options_.jump_rate * configuration_.limits.rate * elapsed;
 }
 
 void Axis::take(const odrive::EncoderEstimates& estimates, MonotonicTime now) {
@@ -171,7 +169,8 @@ void Axis::take(const odrive::EncoderEstimates& estimates, MonotonicTime now) {
 void Axis::check_limits() {
   const MotionLimits& limits = configuration_.limits;
   if (!homed_ || !may_move()) return;
-  if (*position_ < limits.low || *position_ > limits.high || std::abs(rate_) > kRunawayRate * limits.rate)
+  if (*position_ < limits.low || *position_ > limits.high ||
+      std::abs(rate_) > options_.runaway_rate * limits.rate)
     fail_with(AxisFault::kOverLimit);
 }
 
@@ -198,12 +197,13 @@ void Axis::keep_idle() {
 }
 
 void Axis::go_on(axis_state::Homing& state, MonotonicTime now) {
-  if (now - state.since > (state.begun ? std::chrono::milliseconds(kHomingTime) : kAnswerTime))
+  if (now - state.since > (state.begun ? options_.homing_time : kAnswerTime))
     return fail_with(AxisFault::kHoming);
   if (!state.begun) {
-    out_.emplace_back(odrive::SetLimits{static_cast<float>(kRateHeadroom * configuration_.limits.rate *
-                                                           std::abs(configuration_.turns_per_radian)),
-                                        static_cast<float>(configuration_.current)});
+    out_.emplace_back(
+        odrive::SetLimits{static_cast<float>(options_.rate_headroom * configuration_.limits.rate *
+                                             std::abs(configuration_.turns_per_radian)),
+                          static_cast<float>(configuration_.current)});
     out_.emplace_back(odrive::SetAxisState{odrive::AxisState::kHoming});
   }
 }
@@ -213,7 +213,7 @@ void Axis::go_on(axis_state::Activating& state, MonotonicTime now) {
   if (!position_) return;
   out_.emplace_back(
       odrive::SetControllerMode{odrive::ControlMode::kPosition, odrive::InputMode::kPassthrough});
-  out_.emplace_back(odrive::SetLimits{static_cast<float>(kRateHeadroom * configuration_.limits.rate *
+  out_.emplace_back(odrive::SetLimits{static_cast<float>(options_.rate_headroom * configuration_.limits.rate *
                                                          std::abs(configuration_.turns_per_radian)),
                                       static_cast<float>(configuration_.current)});
   set_input({*position_, 0});

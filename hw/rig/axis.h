@@ -51,7 +51,7 @@ using AxisState =
 /// handed in, and messages are taken out. Angles of the axis, in radians.
 class Axis {
  public:
-  Axis(const AxisConfiguration& configuration, std::chrono::milliseconds period,
+  Axis(const AxisConfiguration& configuration, const RigTuning& tuning, std::chrono::milliseconds period,
        std::chrono::milliseconds deadline, MonotonicTime now);
 
   // Commands. Error kRefused says what is in the way.
@@ -109,6 +109,8 @@ class Axis {
   [[nodiscard]] double period_seconds() const { return std::chrono::duration<double>(period_).count(); }
 
   AxisConfiguration configuration_;
+  AxisOptions options_;
+  StallOptions stall_;
   std::chrono::milliseconds period_;
   std::chrono::milliseconds deadline_;
   AxisState state_;

@@ -5,16 +5,9 @@
 #include <cmath>
 
 namespace cairn {
-namespace {
 
-constexpr double kNoise = 0.035;  // [rad/s] of a demand
-// [s] over which a crossing of the play is taken for a turn of the base, which it never was: gyro and encoder
-// tell of it at different times. A slower turn would be answered by the next crossing, for ever.
-constexpr double kCrossing = 0.05;
-
-}  // namespace
-
-Backlash::Backlash(double play) : half_(play / 2), turning_(std::max(kNoise, play / kCrossing)) {}
+Backlash::Backlash(double play, const BacklashOptions& options)
+    : half_(play / 2), turning_(std::max(options.noise, play / options.crossing)) {}
 
 double Backlash::follow(double motor) {
   axis_ = known_ ? std::clamp(axis_, motor - half_, motor + half_) : motor;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "hw/rig/rig_tuning.h"
+
 namespace cairn {
 
 /// The play of a gear: where the axis stands behind a motor that the encoder measures, and where the motor
@@ -8,7 +10,7 @@ namespace cairn {
 class Backlash {
  public:
   /// `play`: how far the motor turns from one flank of the teeth to the other.
-  explicit Backlash(double play);
+  Backlash(double play, const BacklashOptions& options);
 
   /// The motor stands at `motor`: gives where the axis is. One that nothing pushes stays where it is.
   double follow(double motor);

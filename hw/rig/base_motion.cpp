@@ -4,11 +4,6 @@
 #include <cmath>
 
 namespace cairn {
-namespace {
-
-constexpr double kSmoothing = 0.04;  // [s] of the acceleration: a step of the wearer takes ten times as long
-
-}  // namespace
 
 void BaseMotion::update(const Eigen::Quaterniond& world_from_head, const PanTilt& angles, double step) {
   const Eigen::Quaterniond before = world_from_base_;
@@ -21,7 +16,7 @@ void BaseMotion::update(const Eigen::Quaterniond& world_from_head, const PanTilt
   // Half a step ago, the base turned at the mean rate.
   const Eigen::AngleAxisd turn(before.conjugate() * world_from_base_);
   const Eigen::Vector3d mean = turn.angle() / step * turn.axis();
-  const double share = 1 - std::exp(-step / kSmoothing);
+  const double share = 1 - std::exp(-step / smoothing_);
   acceleration_ += share * ((mean - mean_) / step - acceleration_);
   mean_ = mean;
   rate_ = mean + step / 2 * acceleration_;

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 
 #include "hw/rig/kinematics.h"
+#include "hw/rig/rig_tuning.h"
 
 namespace cairn {
 
@@ -13,6 +14,8 @@ namespace cairn {
 /// instead; what is demanded of the motor then makes up for it, and so for the backlash. Pure.
 class BaseMotion {
  public:
+  explicit BaseMotion(const BaseOptions& options) : smoothing_(options.smoothing) {}
+
   /// One sample: how the head stands, and where the encoders have the axes at that time, `step` [s] after the
   /// sample before; 0: nobody knows how long.
   void update(const Eigen::Quaterniond& world_from_head, const PanTilt& angles, double step);
@@ -24,6 +27,7 @@ class BaseMotion {
   [[nodiscard]] Eigen::Vector3d rate(double ahead) const { return rate_ + ahead * acceleration_; }
 
  private:
+  double smoothing_;  ///< [s]
   bool known_ = false;
   Eigen::Quaterniond world_from_base_ = Eigen::Quaterniond::Identity();
   Eigen::Vector3d mean_ = Eigen::Vector3d::Zero();  ///< rate since the sample before

@@ -8,9 +8,8 @@ namespace cairn {
 namespace {
 
 constexpr double kTick = 1e-4;         // [s]
-constexpr int32_t kSpan = 5000;        // [ticks]
+constexpr int32_t kSpan = 5000;        // [ticks] over which the counter tells a rate to a thousandth
 constexpr int32_t kLongest = 100'000;  // [ticks]: after a longer gap the counter may have wrapped
-constexpr double kTolerance = 0.1;
 
 }  // namespace
 
@@ -35,7 +34,7 @@ void ImuWatch::count(uint16_t sample) {
 }
 
 bool ImuWatch::is_at_wrong_rate() const {
-  return measured_ && std::abs(*measured_ / rate_ - 1) > kTolerance;
+  return measured_ && std::abs(*measured_ / rate_ - 1) > rate_off_;
 }
 
 }  // namespace cairn

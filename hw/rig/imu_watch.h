@@ -14,13 +14,13 @@ namespace cairn {
 /// and counter, so that lost frames do not change it. Pure.
 class ImuWatch {
  public:
-  ImuWatch(double rate, std::chrono::milliseconds deadline, MonotonicTime now)
-      : rate_(rate), deadline_(deadline), heard_(now) {}
+  /// `rate_off`: of the rate; a larger error is a wrong one.
+  ImuWatch(double rate, double rate_off, std::chrono::milliseconds deadline, MonotonicTime now)
+      : rate_(rate), rate_off_(rate_off), deadline_(deadline), heard_(now) {}
 
   void receive(const xsens::Message& message, MonotonicTime now);
 
   [[nodiscard]] bool is_silent(MonotonicTime now) const { return now - heard_ > deadline_; }
-  /// More than a tenth off.
   [[nodiscard]] bool is_at_wrong_rate() const;
   /// As measured over half a second [Hz]; nothing before.
   [[nodiscard]] std::optional<double> measured_rate() const { return measured_; }
@@ -33,6 +33,7 @@ class ImuWatch {
   void count(uint16_t sample);
 
   double rate_;
+  double rate_off_;
   std::chrono::milliseconds deadline_;
   MonotonicTime heard_;
   std::optional<uint32_t> ticks_;  ///< of the sample whose counter is to come

@@ -13,25 +13,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kGravity = 9.80665;  // [m/s^2]
-constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kFollowing = 1.0;  // [s]: a sway of the wearer at 1 Hz is a sixth of itself
-constexpr double kOnTarget = 0.5 * kDegree;
-constexpr double kSettling = 0.05;        // [s] on the target until it is said
-constexpr double kGlance = 0.15;          // [s]: some images that are still
-constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its image is as good
-constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach,
-                                          // from when the axes can be there
-constexpr double kSoonest = 1e-3;         // [s]
-// A place that was none is soon looked at; after more than that the camera was found, or is another one's,
-// and the likeliest place would be one that was looked at.
-constexpr std::chrono::seconds kRemembered(3);
-constexpr double kLeastView = 0.05;  // [rad]
+constexpr double kSoonest = 1e-3;     // [s]
+constexpr double kLeastView = 0.05;   // [rad]
 constexpr double kMostView = 3;
-// [s] until a sample has come and a setpoint is with its drive, as frames of the bus take it.
-constexpr double kOnTheWire = 0.002;
-constexpr std::chrono::microseconds kOfSample(1000);  // of that until a sample has come
-constexpr std::chrono::milliseconds kGap(100);        // after it nobody knows how the base moved
-constexpr double kFurthest = 0.1;                     // [s] that the motion of the base is foretold
 
 bool is_direction(const Vector3d& direction) {
   return direction.allFinite() && direction.norm() > 0 && std::isfinite(direction.norm());
@@ -77,7 +61,10 @@ bool needs_imu(const Pointing& pointing) {
 
 Pointer::Pointer(const RigConfiguration& configuration)
     : configuration_(configuration),
-      camera_axis_(configuration.calibration.head_from_camera * Vector3d::UnitZ()) {}
+      camera_axis_(configuration.calibration.head_from_camera * Vector3d::UnitZ()),
+      base_(configuration.tuning.base),
+      sway_(configuration.tuning.base),
+      track_(configuration.tuning.target) {}
 
 Status Pointer::aim(const Pointing& pointing) {
   if (!std::visit(IsSound(), pointing))
@@ -117,9 +104,10 @@ void Pointer::forget_search() {
 void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,
                     const Eigen::Vector3d& acceleration, const PanTilt& angles, double step) {
   sway_.update(world_from_head * acceleration - kGravity * Vector3d::UnitZ(), step);
-  base_.update(world_from_head, angles, now - sampled_ > kGap ? 0 : step);
+  base_.update(world_from_head, angles, now - sampled_ > configuration_.tuning.pointer.gap ? 0 : step);
   world_from_head_ = world_from_head;
-  history_.add(now - kOfSample, {world_from_head, sway_.way()});
+  history_.add(now - std::chrono::nanoseconds(std::llround(configuration_.tuning.pointer.of_sample * 1e9)),
+               {world_from_head, sway_.way()});
   sampled_ = now;
 }
 
@@ -164,8 +152,9 @@ void Pointer::begin() {
   }
   if (std::holds_alternative<pointing::Fixate>(*pointing_)) track_.forget();
   if (const auto* search = std::get_if<pointing::Search>(&*pointing_)) {
-    if (!plan_ || !plan_->is_for(*search) || !searched_ || then_ - *searched_ > kRemembered)
-      plan_.emplace(*search, view());
+    if (!plan_ || !plan_->is_for(*search) || !searched_ ||
+        then_ - *searched_ > configuration_.tuning.pointer.remembered)
+      plan_.emplace(*search, view(), configuration_.tuning.search);
     plan_->rank(search->ranked);
     look_at_next();
   }
@@ -180,9 +169,10 @@ Pointer::Target Pointer::target_of(const pointing::Follow&, double step) {
       std::min(pan.limits.high - pan.neutral, pan.neutral - pan.limits.low) - pan.limits.margin;
   const double before = look_along(held_).pan;
   const double behind = std::clamp(std::remainder(heading - before, 2 * std::numbers::pi), -room, room);
-  const double looked = heading - behind * std::exp(-step / kFollowing);
+  const double following = configuration_.tuning.pointer.following;
+  const double looked = heading - behind * std::exp(-step / following);
   held_ = optical_axis({looked, tilt});
-  return {held_, behind / kFollowing * Vector3d::UnitZ().cross(held_)};
+  return {held_, behind / following * Vector3d::UnitZ().cross(held_)};
 }
 
 Pointer::Target Pointer::target_of(const pointing::Fixate&, double) {
@@ -199,7 +189,8 @@ Pointer::Target Pointer::target_of(const pointing::Search&, double step) {
   const auto reach = [this](const Vector3d& direction) { return is_within_reach(direction); };
   searched_ = then_;
   sought_for_ += step;
-  if (on_target_for_ >= kGlance || sought_for_ >= kPatience) {
+  if (on_target_for_ >= configuration_.tuning.pointer.glance ||
+      sought_for_ >= configuration_.tuning.pointer.patience) {
     plan_->look(held_);
     look_at_next();
   }
@@ -218,12 +209,14 @@ Pointer::Demands Pointer::towards(const Target& target, double pan) {
 }
 
 void Pointer::judge(const Vector3d& direction, double step) {
+  const PointerOptions& options = configuration_.tuning.pointer;
   const auto* search = std::get_if<pointing::Search>(&*pointing_);
-  const double near =
-      search == nullptr ? kOnTarget : kShareOfView * std::min(search->view.pan, search->view.tilt);
+  const double near = search == nullptr
+                          ? options.on_target
+                          : options.share_of_view * std::min(search->view.pan, search->view.tilt);
   const double off = angle_between(view(), direction);
   on_target_for_ = off < near ? on_target_for_ + step : 0;
-  state_.on_target = on_target_for_ >= kSettling;
+  state_.on_target = on_target_for_ >= options.settling;
   state_.out_of_reach = !is_within_reach(direction);
 }
 
@@ -241,7 +234,9 @@ std::optional<Pointer::Demands> Pointer::demands(MonotonicTime then, double pan)
   if (const auto* jog = std::get_if<pointing::Jog>(&*pointing_))
     return Demands{Demand{std::nullopt, jog->rates.pan}, Demand{std::nullopt, jog->rates.tilt}};
   if (!base_.is_known()) return Demands{};  // it is not known where that is: stay
-  ahead_ = std::min(kFurthest, std::chrono::duration<double>(then - sampled_).count() + kOnTheWire);
+  const PointerOptions& options = configuration_.tuning.pointer;
+  ahead_ = std::min(options.furthest,
+                    std::chrono::duration<double>(then - sampled_).count() + options.on_the_wire);
   if (!begun_) begin();
   const Target target = std::visit([&](const auto& mode) { return target_of(mode, step); }, *pointing_);
   judge(target.direction, step);

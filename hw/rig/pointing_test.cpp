@@ -95,7 +95,7 @@ TEST(Kinematics, TheRatesThatHoldADirectionAreTheDerivatives) {
 TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
   const Eigen::Quaterniond truth(Eigen::AngleAxisd(0.4, Vector3d(1, 2, 0).normalized()));
   const Vector3d bias(0.01, -0.02, 0.015);
-  Attitude attitude;
+  Attitude attitude{AttitudeOptions()};
   EXPECT_FALSE(attitude.is_known());
   attitude.update(bias, 3 * kUp, kPeriod);  // in free fall, nearly: it tells nothing
   EXPECT_FALSE(attitude.is_known());
@@ -108,13 +108,13 @@ TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
 TEST(Attitude, WhatTheAxesTurnItByIsNoBias) {
   const Vector3d bias(0.005, -0.01, 0.0);
   const Vector3d turning(0, 0, 0.01);  // as a head that follows its wearer, at last slowly
-  Attitude attitude;
+  Attitude attitude{AttitudeOptions()};
   for (int i = 0; i < 3'000; ++i) attitude.update(bias + turning, 9.81 * kUp, kPeriod, kPeriod * turning);
   EXPECT_LT((attitude.bias() - bias).norm(), 1e-4);
 }
 
 TEST(Attitude, WhatAWalkDoesToTheAccelerometerIsNothingInTheMean) {
-  Attitude attitude;
+  Attitude attitude{AttitudeOptions()};
   double worst = 0;
   for (int i = 0; i < 6'000; ++i) {
     const double step = std::sin(4 * std::numbers::pi * i * kPeriod);  // up and ahead at once
@@ -126,7 +126,7 @@ TEST(Attitude, WhatAWalkDoesToTheAccelerometerIsNothingInTheMean) {
 
 TEST(Backlash, AMotorToldBeforehandMakesTheAxisFollow) {
   constexpr double kPlay = 0.3 * kDegree;
-  Backlash gear(kPlay);
+  Backlash gear(kPlay, BacklashOptions());
   double most = 0;
   double turning = 0;
   for (int i = 0; i < 500; ++i) {
@@ -142,13 +142,13 @@ TEST(Backlash, AMotorToldBeforehandMakesTheAxisFollow) {
   const double there = gear.motor_for(0, 1);
   for (const double rate : {-1e-3, -0.07, -kPlay / 0.06}) EXPECT_EQ(gear.motor_for(0, rate), there);
   EXPECT_NE(gear.motor_for(0, -0.2), there);
-  Backlash without(0);
+  Backlash without(0, BacklashOptions());
   EXPECT_EQ(without.motor_for(0.3, 1), 0.3);
 }
 
 TEST(BaseMotion, IsSeenThroughTheHeadThatTurnsOnItAndForetold) {
   const Gait gait{1.5};
-  BaseMotion base;
+  BaseMotion base{BaseOptions()};
   double worst = 0;
   for (int i = 0; i < 400; ++i) {
     const double t = i * kPeriod;
@@ -206,7 +206,7 @@ TEST(TargetTrack, ForetellsAPointThatTheWearerWalksPast) {
   using namespace std::chrono_literals;
   const MonotonicTime start{1h};
   const auto truth = [](double t) { return Vector3d(2, 1 - t, 0.1); };
-  TargetTrack track;
+  TargetTrack track{TargetTrackOptions()};
   EXPECT_FALSE(track.at(start));
   for (int i = 0; i < 40; ++i) track.see(start + i * 33ms, truth(0.033 * i));
   const auto late = track.at(start + 1400ms);
@@ -238,7 +238,7 @@ TEST(SearchPlan, LooksEverywhereWithinReachOnceAndNowhereElse) {
     return std::abs(angles.pan) < 1 && std::abs(angles.tilt) < 0.6;
   };
   for (const auto pattern : {pointing::Search::Pattern::kSpiral, pointing::Search::Pattern::kRaster}) {
-    SearchPlan plan({pattern, {0.9, 0.7}, {}}, kAhead);
+    SearchPlan plan({pattern, {0.9, 0.7}, {}}, kAhead, SearchPlanOptions());
     const auto looked = looks(plan, reach);
     for (size_t i = 0; i < looked.size(); ++i) {
       EXPECT_TRUE(reach(looked[i]));
@@ -257,7 +257,7 @@ TEST(SearchPlan, LooksEverywhereWithinReachOnceAndNowhereElse) {
     EXPECT_TRUE(plan.next(kAhead, reach));  // and all over again
     EXPECT_EQ(plan.looked_at(reach), 0);
   }
-  SearchPlan nowhere({}, kAhead);
+  SearchPlan nowhere({}, kAhead, SearchPlanOptions());
   EXPECT_FALSE(nowhere.next(kAhead, [](const Vector3d&) { return false; }));
 }
 
@@ -267,7 +267,7 @@ TEST(SearchPlan, GoesAroundAtTheSameHeightBeforeItLooksUpAndDown) {
     const PanTilt angles = look_along(direction);
     return std::abs(angles.pan) < 155 * kDegree && std::abs(angles.tilt) < 35 * kDegree;
   };
-  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {}}, kAhead);
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {}}, kAhead, SearchPlanOptions());
   const auto looked = looks(plan, reach);
   double way = 0;
   double widest = 0;
@@ -284,7 +284,7 @@ TEST(SearchPlan, GoesAroundAtTheSameHeightBeforeItLooksUpAndDown) {
 TEST(SearchPlan, BeginsWhereTheMapMayBe) {
   const auto everywhere = [](const Vector3d&) { return true; };
   const std::vector<Vector3d> ranked = {optical_axis({-2, 0.5}), optical_axis({1.5, -0.4})};
-  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, ranked}, kAhead);
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, ranked}, kAhead, SearchPlanOptions());
   const auto looked = looks(plan, everywhere);
   EXPECT_LT(angle_between(looked.at(0), ranked[0]), 0.5);
   EXPECT_LT(angle_between(looked.at(1), ranked[1]), 0.5);
@@ -298,7 +298,7 @@ TEST(SearchPlan, LooksAgainWhereAMapWasSeenSince) {
   const auto is_next = [&](SearchPlan& plan, const Vector3d& direction) {
     return angle_between(plan.next(kAhead, everywhere).value(), direction) < 0.5;
   };
-  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {before}}, kAhead);
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {before}}, kAhead, SearchPlanOptions());
   plan.look(before);
   plan.look(since);
   plan.rank({before});

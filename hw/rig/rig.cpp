@@ -9,11 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kInStep = 0.01;  // of a sample: the rates of two clocks that are meant to be the same
-constexpr double kBehindSample = 0.0003;  // [s]: later than most samples, which do not come evenly
-constexpr double kStepShare = 0.02;       // of a period, each sample
-constexpr int kMostPeriods = 5;           // made up for at once; setpoints of longer ago are left out
-
 bool is_urgent(const odrive::Message& message) {
   const auto* state = std::get_if<odrive::SetAxisState>(&message);
   return std::holds_alternative<odrive::Estop>(message) ||
@@ -54,13 +49,19 @@ const char* describe(Halt halt) {
 Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
     : configuration_(configuration),
       nodes_(configuration.nodes()),
-      axes_{Axis(configuration.axes[0], configuration.period, configuration.drive_deadline, now),
-            Axis(configuration.axes[1], configuration.period, configuration.drive_deadline, now)},
-      backlash_{Backlash(configuration.axes[0].backlash), Backlash(configuration.axes[1].backlash)},
+      axes_{Axis(configuration.axes[0], configuration.tuning, configuration.period,
+                 configuration.drive_deadline, now),
+            Axis(configuration.axes[1], configuration.tuning, configuration.period,
+                 configuration.drive_deadline, now)},
+      attitude_(configuration.tuning.attitude),
+      backlash_{Backlash(configuration.axes[0].backlash, configuration.tuning.backlash),
+                Backlash(configuration.axes[1].backlash, configuration.tuning.backlash)},
       pointer_(configuration),
       now_(now),
       next_(now + configuration.period) {
-  if (configuration.imu) imu_.emplace(configuration.imu->rate, configuration.imu_deadline, now);
+  if (configuration.imu)
+    imu_.emplace(configuration.imu->rate, configuration.tuning.timing.imu_rate_off,
+                 configuration.imu_deadline, now);
 }
 
 Status Rig::take(const RigCommand& command, MonotonicTime now) {
@@ -190,12 +191,13 @@ Eigen::Vector3d Rig::turn_of_head(const std::optional<PanTilt>& angles) const {
 
 /// Little by little, so that setpoints stay a period apart.
 void Rig::fall_in_step(MonotonicTime sampled) {
+  const RigTimingOptions& timing = configuration_.tuning.timing;
   const double period = std::chrono::duration<double>(configuration_.period).count();
   const double samples = period * configuration_.imu->rate;
-  if (samples < 0.5 || std::abs(samples - std::round(samples)) > kInStep) return;
+  if (samples < 0.5 || std::abs(samples - std::round(samples)) > timing.in_step) return;
   const double due = std::chrono::duration<double>(next_ - sampled).count();
-  const double late = std::remainder(due - kBehindSample, 1 / configuration_.imu->rate);
-  const double shift = std::clamp(late, -kStepShare * period, kStepShare * period);
+  const double late = std::remainder(due - timing.behind_sample, 1 / configuration_.imu->rate);
+  const double shift = std::clamp(late, -timing.step_share * period, timing.step_share * period);
   next_ -= std::chrono::nanoseconds(std::llround(shift * 1e9));
 }
 
@@ -216,7 +218,7 @@ void Rig::advance(MonotonicTime now) {
     halt_for(Halt::kClockRanBack);
   }
   now_ = now;
-  if (now - next_ > kMostPeriods * configuration_.period) {
+  if (now - next_ > configuration_.tuning.timing.most_periods * configuration_.period) {
     ++counters_.late;
     next_ = now;
   }

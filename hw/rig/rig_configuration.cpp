@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/base/option_yaml.h"
 #include "common/base/suggestion.h"
 #include "common/base/yaml_file.h"
 #include "common/map/ids.h"
@@ -92,6 +93,12 @@ class Section {
     const YAML::Node value = find(key);
     if (!value) return std::nullopt;
     return Section(path_, value, name_.empty() ? key : name_ + "." + key);
+  }
+
+  /// For another reader; undefined where the key is not there.
+  YAML::Node mapping_or_nothing(const std::string& key) {
+    asked_.push_back(key);
+    return known(key) ? node_[key] : YAML::Node(YAML::NodeType::Undefined);
   }
 
   /// What must hold for the value of `key`. Nothing is said where a key is missing: that comes first.
@@ -275,8 +282,13 @@ Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& pat
     read_axes(*section, rig);
     root.take_error(*section);
   }
+  const YAML::Node tuning = root.mapping_or_nothing("tuning");
   close(root);
   if (root.error()) return tl::unexpected(*root.error());
+  if (tuning) {
+    if (const Status read = read_options(tuning, path.string(), list_options(&rig.tuning)); !read)
+      return tl::unexpected(read.error());
+  }
   return rig;
 }
 

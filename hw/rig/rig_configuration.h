@@ -13,6 +13,7 @@
 #include "hw/can/odrive.h"
 #include "hw/rig/kinematics.h"
 #include "hw/rig/motion_profile.h"
+#include "hw/rig/rig_tuning.h"
 
 namespace cairn {
 
@@ -58,6 +59,7 @@ struct RigConfiguration {
   std::optional<ImuConfiguration> imu;  ///< none: the rig has none
   std::array<AxisConfiguration, 2> axes;
   RigCalibration calibration;
+  RigTuning tuning;
 
   [[nodiscard]] const AxisConfiguration& axis(AxisName name) const {
     return axes.at(static_cast<size_t>(name));

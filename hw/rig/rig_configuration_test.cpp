@@ -93,6 +93,32 @@ TEST(RigConfiguration, WhatIsWrittenIsReadAsTheSame) {
   }
 }
 
+TEST(RigTuning, DefaultsAreInTheirRangesAndEachMemberIsListedOnce) {
+  RigTuning tuning;
+  const Status checked = check_options(tuning);
+  EXPECT_TRUE(checked) << checked.error().message;
+  const Status complete = list_options(&tuning).check_complete();
+  EXPECT_TRUE(complete) << complete.error().message;
+}
+
+TEST(RigConfiguration, TheConstantsOfTheMethodsAreReadAndWritten) {
+  const std::string tuned = changed("axes:", "tuning:\n  pointer: {glance: 0.3, gap: 80}\naxes:");
+  const auto rig = read_rig(tuned);
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_EQ(rig->tuning.pointer.glance, 0.3);
+  EXPECT_EQ(rig->tuning.pointer.gap, std::chrono::milliseconds(80));
+  EXPECT_EQ(rig->tuning.pointer.patience, PointerOptions().patience);
+  const auto again = read_rig(write_rig_configuration(*rig));
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->tuning.pointer.glance, 0.3);
+  const auto misspelt = read_rig(changed("axes:", "tuning:\n  pointer: {glanse: 0.3}\naxes:"));
+  ASSERT_FALSE(misspelt);
+  EXPECT_THAT(misspelt.error().message, HasSubstr("unknown key 'glanse'; did you mean glance?"));
+  const auto unsafe = read_rig(changed("axes:", "tuning: {axis: {runaway_rate: 100}}\naxes:"));
+  ASSERT_FALSE(unsafe);
+  EXPECT_THAT(unsafe.error().message, HasSubstr("runaway_rate is 100: expected 1 to 3"));
+}
+
 struct Impossible {
   const char* from;
   const char* to;

@@ -219,8 +219,8 @@ TEST_P(RigFault, AnAxisThatHurriesAfterItsSetpointsMayBeLetGoToo) {
 TEST(StallWatch, AnAxisThatTurnsBackAfterItsSetpointsIsNotStuck) {
   for (double amplitude = 0.5; amplitude < 10; amplitude *= 1.2) {
     for (double frequency = 0.5; frequency < 5 && amplitude * frequency < 15; frequency *= 1.1) {
-      StallWatch lags(0.01);
-      StallWatch held(0.01);
+      StallWatch lags(0.01, StallOptions());
+      StallWatch held(0.01, StallOptions());
       const auto at = [&](double t) {
         return amplitude * kDegree * std::sin(2 * std::numbers::pi * frequency * t);
       };

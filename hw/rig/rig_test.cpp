@@ -177,7 +177,7 @@ TEST(ImuWatch, ItsRateIsToldByItsOwnClockWhateverIsLost) {
     simulated::SimulatedImu imu(options, kSeed, start);
     std::vector<CanFrame> frames;
     imu.advance(start + 2s, frames);
-    ImuWatch watch(100, 50ms, start);
+    ImuWatch watch(100, RigTimingOptions().imu_rate_off, 50ms, start);
     for (size_t i = 0; i < frames.size(); ++i) {
       if (i / 4 % 3 != 0)
         watch.receive(xsens::decode(frames[i]).value(), start);  // a third of the samples lost

@@ -9,29 +9,29 @@
 namespace cairn {
 namespace {
 
-constexpr double kOverlap = 0.75;      // of a view: the next one shows a part of it again
-constexpr double kLeastStep = 0.1;     // [rad]
-constexpr double kBeforeOthers = 1e3;  // of one criterion over the next
+constexpr double kBeforeOthers = 1e3;  // of one criterion over the next: no option, it only sorts
 
 double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
 /// As many places as views go around, less an overlap.
-int count(double round, double view) {
-  return std::max(1, static_cast<int>(std::ceil(round / std::max(kLeastStep, kOverlap * view) - 1e-9)));
+int count(double round, double view, const SearchPlanOptions& options) {
+  return std::max(
+      1, static_cast<int>(std::ceil(round / std::max(options.least_step, options.view_step * view) - 1e-9)));
 }
 
 }  // namespace
 
-SearchPlan::SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin)
+SearchPlan::SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin,
+                       const SearchPlanOptions& options)
     : pattern_(search.pattern), view_(search.view) {
   const PanTilt middle = look_along(begin);
-  const int rows = count(std::numbers::pi / 2, search.view.tilt);  // above the horizon, and below
+  const int rows = count(std::numbers::pi / 2, search.view.tilt, options);  // above the horizon, and below
   step_ = std::numbers::pi / 2 / rows;
   for (int row = -rows; row <= rows; ++row) {
     const double tilt = row * step_;
-    const int columns = count(2 * std::numbers::pi * std::cos(tilt), search.view.pan);
+    const int columns = count(2 * std::numbers::pi * std::cos(tilt), search.view.pan, options);
     for (int column = 0; column < columns; ++column) {
       const double pan = middle.pan + 2 * std::numbers::pi * column / columns;
       const int aside = std::min(column, columns - column);

@@ -8,6 +8,7 @@
 
 #include "hw/rig/kinematics.h"
 #include "hw/rig/pointing.h"
+#include "hw/rig/rig_tuning.h"
 
 namespace cairn {
 
@@ -19,7 +20,7 @@ class SearchPlan {
   using Reach = std::function<bool(const Eigen::Vector3d&)>;
 
   /// From a camera that looks in direction `begin`.
-  SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin);
+  SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin, const SearchPlanOptions& options);
 
   /// Whether it was made for such a search; its ranking may differ.
   [[nodiscard]] bool is_for(const pointing::Search& search) const;

@@ -3,12 +3,16 @@
 
 #include <Eigen/Core>
 
+#include "hw/rig/rig_tuning.h"
+
 namespace cairn {
 
 /// How the head is carried to and fro by the steps of its wearer: what is quick in its way, from its
 /// accelerations. Where it is in the end, they do not tell. Pure.
 class Sway {
  public:
+  explicit Sway(const BaseOptions& options) : forgotten_(options.sway_forgotten) {}
+
   /// In the world's axes, without gravity [m/s^2], mean of the last `step` [s].
   void update(const Eigen::Vector3d& acceleration, double step);
 
@@ -16,6 +20,7 @@ class Sway {
   [[nodiscard]] const Eigen::Vector3d& rate() const { return rate_; }  ///< [m/s]
 
  private:
+  double forgotten_;  ///< [s]
   Eigen::Vector3d way_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();
 };

@@ -6,10 +6,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kForgotten = 0.5;   // [s]: after a longer gap the speed is another one
-constexpr double kFoldTime = 0.04;   // [s] over which sightings are averaged
-constexpr double kSpeedTime = 0.15;  // [s] likewise for the speed, below a step of the wearer
-
 double seconds(MonotonicTime::duration time) {
   return std::chrono::duration<double>(time).count();
 }
@@ -18,15 +14,15 @@ double seconds(MonotonicTime::duration time) {
 
 void TargetTrack::see(MonotonicTime when, const Eigen::Vector3d& target) {
   if (seen_ && when <= *seen_) return;
-  const double step = seen_ ? seconds(when - *seen_) : kForgotten;
-  if (step >= kForgotten) {
+  const double step = seen_ ? seconds(when - *seen_) : options_.forgotten;
+  if (step >= options_.forgotten) {
     target_ = target;
     rate_.setZero();
   } else {
     const Eigen::Vector3d expected = target_ + step * rate_;
     const Eigen::Vector3d off = target - expected;
-    target_ = expected + step / (step + kFoldTime / 2) * off;
-    rate_ += step / (step + kSpeedTime / 2) * off / (step + kFoldTime);
+    target_ = expected + step / (step + options_.fold_time / 2) * off;
+    rate_ += step / (step + options_.speed_time / 2) * off / (step + options_.fold_time);
   }
   seen_ = when;
 }
@@ -34,12 +30,13 @@ void TargetTrack::see(MonotonicTime when, const Eigen::Vector3d& target) {
 std::optional<TargetTrack::Estimate> TargetTrack::at(MonotonicTime when) const {
   if (!seen_) return std::nullopt;
   const double passed = std::max(0.0, seconds(when - *seen_));
-  if (passed > kForgotten) return Estimate{target_ + kForgotten * rate_, Eigen::Vector3d::Zero()};
+  if (passed > options_.forgotten)
+    return Estimate{target_ + options_.forgotten * rate_, Eigen::Vector3d::Zero()};
   return Estimate{target_ + passed * rate_, rate_};
 }
 
 bool TargetTrack::is_seen(MonotonicTime now) const {
-  return seen_ && seconds(now - *seen_) < kForgotten;
+  return seen_ && seconds(now - *seen_) < options_.forgotten;
 }
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "common/base/time.h"
+#include "hw/rig/rig_tuning.h"
 
 namespace cairn {
 
@@ -12,6 +13,8 @@ namespace cairn {
 /// them by the camera's speed. Pure.
 class TargetTrack {
  public:
+  explicit TargetTrack(const TargetTrackOptions& options) : options_(options) {}
+
   /// The point from the camera, in the world's axes, as it was at `when`. An older one than the newest is
   /// left out.
   void see(MonotonicTime when, const Eigen::Vector3d& target);
@@ -26,6 +29,7 @@ class TargetTrack {
   [[nodiscard]] bool is_seen(MonotonicTime now) const;
 
  private:
+  TargetTrackOptions options_;
   std::optional<MonotonicTime> seen_;
   Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();

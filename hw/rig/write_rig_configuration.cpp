@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/base/option_yaml.h"
 #include "common/geometry/se3.h"
 #include "hw/rig/rig_configuration.h"
 
@@ -73,7 +74,8 @@ std::string write_rig_configuration(const RigConfiguration& rig) {
   if (rig.imu) text += fmt::format("imu:\n  rate: {}  # [Hz]\n", number(rig.imu->rate));
   text += write_calibration(rig.calibration) + "axes:\n";
   for (const AxisName name : kAxisNames) text += write_axis(name, rig.axis(name));
-  return text;
+  RigTuning tuning = rig.tuning;
+  return text + "tuning:\n" + write_options(list_options(&tuning), 2);
 }
 
 }  // namespace cairn
