@@ -239,7 +239,7 @@ Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const Fra
                                        "sim:shoulder?rig=PATH");
   }
   return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log, options.rig_search,
-                        options.security});
+                        options.security, options.commander});
 }
 
 void press(RigCommander& commander, RigKey key) {

@@ -54,7 +54,8 @@ RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,
       poses_(std::move(poses)),
       states_(std::move(states)),
       waiter_(std::move(waiter)),
-      commander_(options.rig, options.name, random_session(), options.aim, options.search) {
+      commander_(options.rig, options.name, random_session(), options.aim, options.search,
+                 options.commander) {
   pose_.client = client_id_from_name(options.name);
   pose_.session = random_session();
   thread_ = std::thread([this] { run(); });

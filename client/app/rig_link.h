@@ -28,6 +28,7 @@ struct RigLinkOptions {
   Logger log = null_logger();
   wire::RigSearchPattern search = wire::RigSearchPattern::kSpiral;
   std::string security = {};  ///< folder of the client's keys; empty: an open site
+  CommanderOptions commander = {};
 };
 
 /// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever

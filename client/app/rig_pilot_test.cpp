@@ -50,7 +50,8 @@ class RigPilotTest : public ::testing::Test {
   TestMap map_{*camera_, camera_from_map_};
   /// As an adjustment leaves it.
   TestMap adjusted_{*camera_, SE3(Eigen::Quaterniond::Identity(), {0.1, 0, 0.2}) * camera_from_map_};
-  RigCommander commander_{"shoulder", "eye", {7}, RigAim::kFixate};
+  RigCommander commander_{"shoulder",        "eye", {7}, RigAim::kFixate, wire::RigSearchPattern::kSpiral,
+                          CommanderOptions()};
   LabelListPtr labels_;
   RigPilot pilot_ = pilot({});
   int64_t frames_ = 0;

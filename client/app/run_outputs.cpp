@@ -17,6 +17,7 @@ std::vector<NamedFile> files_read(const TrackOptions& options,
                                   const std::optional<std::filesystem::path>& calibration) {
   std::vector<NamedFile> files;
   if (calibration) files.push_back({"--calibration", calibration_file(*calibration)});
+  if (!options.config.empty()) files.push_back({"--config", options.config});
   if (options.labels) files.push_back({"--labels", *options.labels});
   if (options.imu.samples) files.push_back({"--imu", *options.imu.samples});
   for (const auto& path : source_files(options.source)) files.push_back({"--source", path});

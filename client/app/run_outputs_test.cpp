@@ -27,7 +27,7 @@ class RunOutputsTest : public ::testing::Test {
   RunOutputsTest() {
     options_.source =
         "video:" + (folder_ / "clip.mp4").string() + "?times=" + (folder_ / "times.txt").string();
-    for (const char* name : {"clip.mp4", "times.txt", "camera.txt", "labels.txt"})
+    for (const char* name : {"clip.mp4", "times.txt", "camera.txt", "labels.txt", "settings.yaml"})
       std::ofstream(folder_ / name) << name;
     mkfifo((folder_ / "pipe").c_str(), 0600);
     mkfifo((folder_ / "pipe.mkv").c_str(), 0600);
@@ -56,7 +56,8 @@ class RunOutputsTest : public ::testing::Test {
 
 TEST_F(RunOutputsTest, NoOutputIsAnotherOneOrWhatIsRead) {
   options_.labels = folder_ / "labels.txt";
-  for (const char* name : {"clip.mp4", "times.txt", "camera.txt", "labels.txt"}) {
+  options_.config = folder_ / "settings.yaml";
+  for (const char* name : {"clip.mp4", "times.txt", "camera.txt", "labels.txt", "settings.yaml"}) {
     options_.trajectory = folder_ / "." / name;
     const auto status = check();
     ASSERT_FALSE(status) << name;

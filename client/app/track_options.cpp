@@ -41,7 +41,8 @@ constexpr const char* kFooter =
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
     "The configuration file has the names of the long options as keys, e.g. `domain: 3`, and the constants "
     "of\n"
-    "the tracker under `tracker:`; --print-config tells all.\n"
+    "the tracker under `tracker:` and those of a rig's commander under `commander:`; --print-config tells "
+    "all.\n"
     "Outputs may be pipes: what nobody reads is left out, the run goes on and ends with 3.\n"
     "Exit codes: 0 ok; 1 a trajectory was asked for and no frame was tracked, or most were dropped; also an "
     "internal error; 2 usage, 3 configuration or a file, 4 no server, 5 refused, 6 damaged data, 130 "
@@ -210,6 +211,10 @@ ParseExit usage(const std::string& message) {
   return refusal(kUsageExit, message);
 }
 
+tl::unexpected<Error> misfit(std::string message) {
+  return fail(ErrorCode::kUsage, std::move(message));
+}
+
 /// What cannot be meant so; nothing: all is well.
 std::optional<std::string> misuse_of_rig(const Words& words) {
   const TrackOptions& options = words.options;
@@ -230,44 +235,45 @@ std::optional<std::string> misuse_of_rig(const Words& words) {
   return std::nullopt;
 }
 
-std::variant<TrackOptions, ParseExit> translate(Words words) {
-  if (const auto misuse = misuse_of_rig(words)) return usage(*misuse);
+/// kUsage for options that exclude each other or lack another one; what is wrong with keys.
+Result<TrackOptions> translate(Words words) {
+  if (auto misuse = misuse_of_rig(words)) return misfit(*std::move(misuse));
   TrackOptions options = std::move(words.options);
   if (!words.name.empty()) options.name = words.name;
   if (!options.security.empty()) {
     auto name = wire::secured_name(options.security, "client", words.name);
-    if (!name) return refusal(exit_code(name.error().code), "--security " + name.error().message);
+    if (!name) return fail(name.error().code, "--security " + name.error().message);
     options.name = *std::move(name);
   }
   options.reader = words.role == "reader";
   if (!options.map.empty() && options.makes_maps()) {
-    return usage("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");
+    return misfit("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");
   }
   if (words.lost_patience && !options.makes_maps()) {
-    return usage(
+    return misfit(
         "--lost-patience: not with --role reader or --no-new-maps; only a builder begins a map when it "
         "is lost");
   }
   options.lost_patience = words.lost_patience.value_or(options.lost_patience);
   options.find_camera = words.calibration == kAuto || words.calibration.starts_with(kAutoFrom);
   if (options.find_camera && options.reader)
-    return usage("--calibration auto: a reader makes no keyframes, from which a camera is calibrated");
+    return misfit("--calibration auto: a reader makes no keyframes, from which a camera is calibrated");
   options.exact_camera = words.calibration.starts_with(kExactly);
   if (words.calibration.starts_with(kAutoFrom))
     words.calibration.erase(0, kAutoFrom.size());
   else if (options.exact_camera)
     words.calibration.erase(0, kExactly.size());
   if (words.calibration.empty() && (options.find_camera || options.exact_camera))
-    return usage("--calibration auto:FILE, exact:FILE: FILE is missing");
+    return misfit("--calibration auto:FILE, exact:FILE: FILE is missing");
   if (words.calibration != kAuto) options.calibration = path_or_nothing(words.calibration);
   options.saved_calibration = path_or_nothing(words.saved_calibration);
   if (options.saved_calibration && options.exact_camera)
-    return usage(
+    return misfit(
         "--save-calibration: the camera of --calibration exact:FILE is taken as it is; pass auto:FILE");
   options.labels = path_or_nothing(words.labels);
-  if (options.labels && options.reader) return usage("--labels: a reader places no labels");
+  if (options.labels && options.reader) return misfit("--labels: a reader places no labels");
   if (options.labels && !options.headless)
-    return usage("--labels: only with --headless; in the window, point and type");
+    return misfit("--labels: only with --headless; in the window, point and type");
   options.imu.samples = path_or_nothing(words.imu);
   if (words.imu_time_offset)
     options.imu.clock_offset = std::chrono::nanoseconds(std::llround(1e9 * *words.imu_time_offset));
@@ -277,6 +283,7 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);
   options.video = path_or_nothing(words.video);
+  options.config = words.config;
   options.verbosity = (words.verbose ? 1 : 0) - (words.quiet ? 1 : 0);
   return options;
 }
@@ -289,8 +296,17 @@ ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
 }
 
 /// The constants that a configuration file may set, by heading.
-OptionList engines_of(TrackerOptions* tracker) {
-  return OptionList().add_part("tracker", list_options(tracker));
+OptionList engines_of(TrackOptions* options) {
+  return OptionList()
+      .add_part("tracker", list_options(&options->tracker))
+      .add_part("commander", list_options(&options->commander));
+}
+
+/// What --help tells at the end of a description, in brackets, of what holds where the option is not given.
+std::string told_default(const std::string& description) {
+  const size_t begin = description.rfind('[');
+  if (!description.ends_with(']') || begin == std::string::npos) return "not given";
+  return description.substr(begin + 1, description.size() - begin - 2);
 }
 
 /// The command line, declared and parsed once.
@@ -332,7 +348,7 @@ class CommandLine {
       if (is_flag(option) && value != "true" && value != "false")
         return fail(ErrorCode::kConfiguration, fmt::format("{} '{}': expected true or false", name, value));
       if (!is_flag(option)) {
-        arguments.insert(arguments.end(), {"--" + name, value});
+        arguments.push_back(fmt::format("--{}={}", name, value));
       } else if (value == "true") {
         arguments.push_back("--" + name);
       }
@@ -340,19 +356,20 @@ class CommandLine {
     return arguments;
   }
 
-  /// All options, in the order of --help: as given, else their default.
+  /// All options, in the order of --help: as given, else their default; as a comment where that depends on
+  /// other options or on the machine.
   [[nodiscard]] std::vector<ConfigurationLine> lines() const {
     std::vector<ConfigurationLine> lines;
     for (const CLI::Option* option : settings()) {
       const std::string fallback = option->get_default_str();
       if (is_flag(*option)) {
-        lines.push_back({name_of(*option), option->count() > 0 ? "true" : "false"});
+        lines.push_back({name_of(*option), is_on(*option) ? "true" : "false"});
       } else if (option->count() > 0) {
         lines.push_back({name_of(*option), option->results().back()});
       } else if (!fallback.empty()) {
         lines.push_back({name_of(*option), fallback});
       } else {
-        lines.push_back({name_of(*option), "not given", false});
+        lines.push_back({name_of(*option), told_default(option->get_description()), false});
       }
     }
     return lines;
@@ -363,6 +380,12 @@ class CommandLine {
 
  private:
   static bool is_flag(const CLI::Option& option) { return option.get_expected_max() == 0; }
+  /// Of a flag by its name: one that denies what it stands for (`!--no-proposals`) is on where that is false.
+  static bool is_on(const CLI::Option& option) {
+    if (option.count() == 0) return false;
+    const bool denies = !option.get_fnames().empty();
+    return option.as<bool>() != denies;
+  }
   static std::string name_of(const CLI::Option& option) { return option.get_lnames().front(); }
   [[nodiscard]] std::vector<const CLI::Option*> settings() const {
     return app_.get_options([](const CLI::Option* option) {
@@ -374,13 +397,18 @@ class CommandLine {
   CLI::App app_{kDescription, "cairn-track"};
 };
 
-std::variant<TrackOptions, ParseExit> resolved(const CommandLine& line) {
-  if (line.words.prints_config) {
-    TrackerOptions tracker = line.words.options.tracker;
-    return ParseExit{0, write_configuration("cairn-track", line.lines(), engines_of(&tracker))};
-  }
-  if (line.words.options.source.empty()) return usage("--source is required");
-  return translate(line.words);
+/// What was said, checked; with --print-config as text.
+std::variant<TrackOptions, ParseExit> end_of(const CommandLine& line, TrackOptions options) {
+  if (line.words.prints_config)
+    return ParseExit{0, write_configuration("cairn-track", line.lines(), engines_of(&options))};
+  if (options.source.empty()) return usage("--source is required");
+  return options;
+}
+
+/// Whether translate() finds this fault in it alone.
+bool has_fault(const CommandLine& line, const Error& fault) {
+  const auto alone = translate(line.words);
+  return !alone && alone.error().message == fault.message;
 }
 
 }  // namespace
@@ -396,23 +424,36 @@ std::string default_client_name(std::string_view host_name, int process_id) {
 
 std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
                                                           std::string_view host_name, int process_id) {
-  CommandLine line(default_client_name(host_name, process_id));
+  const std::string client_name = default_client_name(host_name, process_id);
+  CommandLine line(client_name);
   if (auto exit = line.parse(arguments)) return *std::move(exit);
-  if (const std::string config = line.words.config; !config.empty()) {
-    TrackerOptions tracker;
-    const auto from_file = read_configuration(config, line.names(), engines_of(&tracker));
-    if (!from_file) return refusal(exit_code(from_file.error().code), from_file.error().message);
-    auto merged = line.lacking(*from_file);
-    if (!merged) return refusal(exit_code(merged.error().code), config + ": " + merged.error().message);
-    merged->insert(merged->end(), arguments.begin(), arguments.end());
-    CommandLine both(default_client_name(host_name, process_id));
-    // The command line itself has been parsed: what is wrong is in the file.
-    if (const auto exit = both.parse(*merged))
-      return refusal(kConfigurationExit, config + ": " + both.complaint);
-    both.words.options.tracker = tracker;
-    return resolved(both);
+  const std::string config = line.words.config;
+  if (config.empty()) {
+    auto options = translate(line.words);
+    if (!options) return refusal(exit_code(options.error().code), options.error().message);
+    return end_of(line, *std::move(options));
   }
-  return resolved(line);
+  TrackOptions constants;
+  const auto from_file = read_configuration(config, line.names(), engines_of(&constants));
+  if (!from_file) return refusal(exit_code(from_file.error().code), from_file.error().message);
+  auto merged = line.lacking(*from_file);
+  if (!merged) return refusal(exit_code(merged.error().code), config + ": " + merged.error().message);
+  CommandLine file(client_name);
+  // The command line itself has been parsed: what is no value of an option is in the file.
+  if (const auto exit = file.parse(*merged))
+    return refusal(kConfigurationExit, config + ": " + file.complaint);
+  merged->insert(merged->end(), arguments.begin(), arguments.end());
+  CommandLine both(client_name);
+  if (auto exit = both.parse(*merged)) return *std::move(exit);
+  both.words.options.tracker = constants.tracker;
+  both.words.options.commander = constants.commander;
+  auto options = translate(both.words);
+  if (options) return end_of(both, *std::move(options));
+  const Error& fault = options.error();
+  if (has_fault(line, fault)) return refusal(exit_code(fault.code), fault.message);
+  if (has_fault(file, fault)) return refusal(kConfigurationExit, config + ": " + fault.message);
+  return refusal(exit_code(fault.code),
+                 fmt::format("{} (the command line and {} do not go together)", fault.message, config));
 }
 
 }  // namespace cairn

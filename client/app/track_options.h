@@ -20,6 +20,7 @@ namespace cairn {
 /// The words of `cairn-track`, checked.
 struct TrackOptions {
   std::string source;
+  std::string config;                                ///< file of settings that was read; empty: none
   std::optional<std::filesystem::path> calibration;  ///< nothing: the source's own, or camera.txt beside it
   bool find_camera = false;   ///< --calibration auto: it is calibrated, from `calibration` if that is given
   bool exact_camera = false;  ///< --calibration exact:FILE: taken as it is, also without distortion
@@ -49,15 +50,17 @@ struct TrackOptions {
   wire::RigSearchPattern rig_search = wire::RigSearchPattern::kSpiral;
   std::string fixated_label;  ///< text; empty: what is in the middle of the image
   ImuRequest imu;
-  TrackerOptions tracker;  ///< its constants, by a configuration file; what is to be made is said above
-  int verbosity = 0;       ///< as make_logger()
+  TrackerOptions tracker;      ///< its constants, by a configuration file; what is to be made is said above
+  CommanderOptions commander;  ///< likewise, of the one who commands the rig
+  int verbosity = 0;           ///< as make_logger()
 
   [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
 };
 
 /// Reads the command line (`arguments` without the program's name) and the file that --config names; the
-/// command line wins. With --print-config the result is the configuration so resolved, on stdout. `host_name`
-/// and `process_id` make the default client name.
+/// command line wins. With --print-config the result is the configuration so resolved and checked, on stdout;
+/// it needs no --source. A fault is told as that of the command line, of the file, or of both together.
+/// `host_name` and `process_id` make the default client name.
 [[nodiscard]] std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
                                                                         std::string_view host_name,
                                                                         int process_id);

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -15,7 +16,9 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 auto parse(std::vector<std::string> arguments) {
   return parse_track_options(std::move(arguments), "host", 42);
@@ -124,7 +127,7 @@ TEST(TrackOptions, AnImuIsNamedWithHowItSits) {
 TEST(TrackOptions, AnUnknownOptionNamesTheNearestOne) {
   EXPECT_THAT(wrong({"--pcae", "max"}), HasSubstr("--pace"));
   EXPECT_THAT(wrong({"--trajektory=t.txt"}), HasSubstr("--trajectory"));
-  EXPECT_THAT(wrong({"--xyzzy"}), ::testing::Not(HasSubstr("did you mean")));
+  EXPECT_THAT(wrong({"--xyzzy"}), Not(HasSubstr("did you mean")));
 }
 
 TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
@@ -181,10 +184,29 @@ TEST(TrackOptions, WhatPrintConfigTellsIsReadAsTheSame) {
   }
 }
 
+/// What holds where an option is not given stands there as a comment, in the words of --help.
+TEST(TrackOptions, PrintConfigTellsDefaultsThatDependOnOtherOptions) {
+  const std::string text = printed({});
+  EXPECT_THAT(text, HasSubstr("\n# rig-mode: follow\n"));
+  EXPECT_THAT(text, HasSubstr("\n# rig-search: spiral\n"));
+  EXPECT_THAT(text, HasSubstr(fmt::format("\n# lost-patience: {}\n", TrackOptions().lost_patience)));
+  EXPECT_THAT(text, HasSubstr("\n# profile: loopback for localhost, wifi otherwise\n"));
+  EXPECT_THAT(text, HasSubstr("\n# trajectory: not given\n"));
+  const std::string off = printed({"--headless=false", "--no-proposals=false"});
+  EXPECT_THAT(off, HasSubstr("\nheadless: false\n"));
+  EXPECT_THAT(off, HasSubstr("\nno-proposals: false\n"));
+  EXPECT_THAT(printed({"--no-proposals"}), HasSubstr("\nno-proposals: true\n"));
+}
+
+TEST(TrackOptions, PrintConfigPrintsNothingThatIsRefused) {
+  EXPECT_THAT(wrong({"--print-config", "--rig-mode", "lock"}), HasSubstr("--rig-mode: only with --rig"));
+  EXPECT_THAT(wrong({"--print-config", "--map", "desk"}), HasSubstr("--map: only with"));
+}
+
 TEST(TrackOptions, AFileSaysWhatTheCommandLineDoesNot) {
   const SettingsFile file(
       "source: tum:here\ndomain: 7\nheadless: true\nno-new-maps: false\npace: max\ntracker:\n  trails: "
-      "{count: 70}\n");
+      "{count: 70}\ncommander: {anew: 1500}\n");
   const auto options = good({"--config", file.path(), "--domain", "8"});
   EXPECT_EQ(options.source, "sim:desk");
   EXPECT_EQ(options.domain, 8);
@@ -192,6 +214,7 @@ TEST(TrackOptions, AFileSaysWhatTheCommandLineDoesNot) {
   EXPECT_FALSE(options.no_new_maps);
   EXPECT_EQ(options.pace, Pace::kMax);
   EXPECT_EQ(options.tracker.trails.count, 70);
+  EXPECT_EQ(options.commander.anew, std::chrono::milliseconds(1500));
   const auto alone = parse({"--config", file.path()});
   ASSERT_TRUE(std::holds_alternative<TrackOptions>(alone));
   EXPECT_EQ(std::get<TrackOptions>(alone).source, "tum:here");
@@ -216,6 +239,26 @@ TEST(TrackOptions, WhatIsWrongWithAFileIsTheFilesFault) {
   const auto parsed = parse({"--source", "sim:desk", "--config", "nowhere.yaml"});
   ASSERT_TRUE(std::holds_alternative<ParseExit>(parsed));
   EXPECT_EQ(std::get<ParseExit>(parsed).code, 3);
+}
+
+TEST(TrackOptions, WhatDoesNotGoTogetherIsToldAsTheFaultOfTheLineTheFileOrBoth) {
+  const SettingsFile reader("role: reader\n");
+  const SettingsFile map("map: desk\n");
+  const auto told = [](const SettingsFile& file, std::vector<std::string> arguments, int code) {
+    arguments.insert(arguments.end(), {"--source", "sim:desk", "--config", file.path()});
+    const auto parsed = parse(std::move(arguments));
+    const auto* exit = std::get_if<ParseExit>(&parsed);
+    EXPECT_TRUE(exit != nullptr && exit->code == code);
+    return exit == nullptr ? "" : exit->text;
+  };
+  EXPECT_THAT(told(reader, {"--calibration", "auto"}, 2),
+              AllOf(HasSubstr("--calibration auto: a reader"),
+                    HasSubstr("the command line and " + reader.path() + " do not go together")));
+  EXPECT_THAT(told(reader, {"--rig-mode", "lock"}, 2),
+              AllOf(HasSubstr("--rig-mode: only"), Not(HasSubstr(reader.path()))));
+  EXPECT_THAT(told(map, {}, 3), HasSubstr(map.path() + ": --map: only with"));
+  EXPECT_TRUE(std::holds_alternative<TrackOptions>(
+      parse({"--source", "sim:desk", "--config", map.path(), "--no-new-maps"})));
 }
 
 TEST(TrackOptions, KeysThatAreNotThereAreRefusedWithTheRemedy) {

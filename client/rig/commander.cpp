@@ -9,19 +9,9 @@
 namespace cairn {
 namespace {
 
-using std::chrono::milliseconds;
 using wire::RigAxisCondition;
 using wire::RigMode;
 
-constexpr milliseconds kSearchAfter{300};    // lost: a blurred image or a hand is soon over
-constexpr milliseconds kCandidateTime{400};  // to be verified, from when its image can be taken
-constexpr milliseconds kKept{3000};          // directions
-constexpr milliseconds kNear{50};            // between stamps of a frame and of a direction
-constexpr milliseconds kAnew{1000};          // until an order that was refused or given up is given again
-constexpr milliseconds kGone{1000};          // of silence,
-constexpr int kMissedStates = 10;            // and no fewer states than that, of a rig whose clock is slowed
-constexpr std::chrono::seconds kLongestGap{1};  // between two of them
-constexpr milliseconds kTurned{3000};           // after homing, to look ahead
 constexpr int kPercent = 100;
 
 RigMode mode_of(RigAim aim) {
@@ -42,8 +32,8 @@ std::string_view to_string(RigAim aim) {
 }
 
 RigCommander::RigCommander(std::string rig, std::string name, SessionId session, RigAim aim,
-                           wire::RigSearchPattern pattern)
-    : rig_(std::move(rig)), name_(std::move(name)), aim_(aim), pattern_(pattern) {
+                           wire::RigSearchPattern pattern, const CommanderOptions& options)
+    : options_(options), rig_(std::move(rig)), name_(std::move(name)), aim_(aim), pattern_(pattern) {
   order_.order.session = session;
 }
 
@@ -76,14 +66,14 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
   if (state_) gaps_ = {gaps_[1], now - heard_};
   if (state_ && state.time < state_->time) {  // the host's clock was set back
     ordered_ = std::min(ordered_, state.time);
-    if (turns_ahead_until_) turns_ahead_until_ = state.time + kTurned;
+    if (turns_ahead_until_) turns_ahead_until_ = state.time + options_.turned;
   }
   state_ = state;
   heard_ = now;
   rests_ = rests_ || state.stopped;
   if (clear_asked_ && !state.stopped && !is_faulted()) clear_asked_ = false;
   if (is_any(RigAxisCondition::kUnknown) || is_any(RigAxisCondition::kHoming)) {
-    turns_ahead_until_ = state.time + kTurned;
+    turns_ahead_until_ = state.time + options_.turned;
   } else if (state.mode == RigMode::kNeutral && state.on_target) {
     turns_ahead_until_.reset();
   }
@@ -92,7 +82,7 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
     views_.clear();  // the host's clock was set back
   if (!views_.empty() && state.imu.time == views_.back().time) return;
   views_.push_back({state.imu.time, state.imu.world_from_head * Eigen::Vector3d::UnitX()});
-  while (views_.back().time - views_.front().time > kKept) views_.pop_front();
+  while (views_.back().time - views_.front().time > options_.kept) views_.pop_front();
 }
 
 /// Directions have stamps of the IMU's, images those of the camera: where they are not known to differ,
@@ -103,10 +93,10 @@ std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp image) const
   const auto after = std::lower_bound(views_.begin(), views_.end(), time,
                                       [](const View& view, Timestamp t) { return view.time < t; });
   if (after == views_.end()) {
-    if (views_.empty() || time - views_.back().time > kNear) return std::nullopt;
+    if (views_.empty() || time - views_.back().time > options_.near) return std::nullopt;
     return views_.back().direction;
   }
-  if (after == views_.begin() && after->time - time > kNear) return std::nullopt;  // forgotten
+  if (after == views_.begin() && after->time - time > options_.near) return std::nullopt;  // forgotten
   return after->direction;
 }
 
@@ -167,11 +157,12 @@ void RigCommander::see(const RigSight& sight) {
   if (!lost_since_) lost_since_ = sight.time;
   if (looking_ == Looking::kAtCandidate) {
     if (sight.verifying || !candidate_since_) candidate_since_ = sight.time;
-    if (sight.time - *candidate_since_ <= kCandidateTime) return;
+    if (sight.time - *candidate_since_ <= options_.candidate_time) return;
     looking_ = Looking::kSearching;  // it was none
     if (std::holds_alternative<NothingBetter>(found_)) found_ = Nothing();
   }
-  if (looking_ == Looking::kNot && aim_ != RigAim::kNeutral && sight.time - *lost_since_ >= kSearchAfter) {
+  if (looking_ == Looking::kNot && aim_ != RigAim::kNeutral &&
+      sight.time - *lost_since_ >= options_.search_after) {
     looking_ = Looking::kSearching;
     ++counts_.searches;
   }
@@ -199,8 +190,9 @@ bool RigCommander::is_any(RigAxisCondition condition) const {
 }
 
 bool RigCommander::is_heard(MonotonicTime now) const {
-  const auto gap = std::min<std::chrono::nanoseconds>(std::min(gaps_[0], gaps_[1]), kLongestGap);
-  return state_ && now - heard_ <= std::max<std::chrono::nanoseconds>(kGone, kMissedStates * gap);
+  const auto gap = std::min<std::chrono::nanoseconds>(std::min(gaps_[0], gaps_[1]), options_.longest_gap);
+  return state_ &&
+         now - heard_ <= std::max<std::chrono::nanoseconds>(options_.gone, options_.missed_states * gap);
 }
 
 wire::RigCommand RigCommander::aimed() const {
@@ -244,7 +236,7 @@ wire::RigCommand RigCommander::wanted() const {
 
 /// An order that was refused, or of which nothing is done any more. An axis with a fault waits for a person.
 bool RigCommander::is_due_again(const wire::RigCommand& order) const {
-  if (!state_ || state_->time - ordered_ < kAnew) return false;
+  if (!state_ || state_->time - ordered_ < options_.anew) return false;
   const bool is_judged = state_->order == order_.order;
   if (!is_judged && state_->order.session == order_.order.session) return false;  // it will be
   if (is_judged && !state_->refusal.empty()) return true;

@@ -12,6 +12,7 @@
 #include <variant>
 #include <vector>
 
+#include "client/rig/commander_options.h"
 #include "common/base/time.h"
 #include "common/map/ids.h"
 #include "common/wire/rig_messages.h"
@@ -43,7 +44,7 @@ class RigCommander {
  public:
   /// Names of rig and commander; `session` is this process's.
   RigCommander(std::string rig, std::string name, SessionId session, RigAim aim,
-               wire::RigSearchPattern pattern = wire::RigSearchPattern::kSpiral);
+               wire::RigSearchPattern pattern, const CommanderOptions& options);
 
   void want(RigAim aim);
   /// Emergency stop, whoever commands the rig, until clear(). After a stop, whoever asked for it, nothing
@@ -113,6 +114,7 @@ class RigCommander {
   [[nodiscard]] bool is_any(wire::RigAxisCondition condition) const;  ///< of the axes
   [[nodiscard]] bool is_heard(MonotonicTime now) const;
 
+  CommanderOptions options_;
   std::string rig_;
   std::string name_;
   RigAim aim_;

@@ -57,7 +57,9 @@ class Commander : public ::testing::Test {
     EXPECT_TRUE(order);
     return order.value_or(wire::RigCommand());
   }
-  [[nodiscard]] RigCommander make(RigAim aim) const { return {"shoulder", "eye", {7}, aim}; }
+  [[nodiscard]] RigCommander make(RigAim aim) const {
+    return {"shoulder", "eye", {7}, aim, wire::RigSearchPattern::kSpiral, CommanderOptions()};
+  }
   [[nodiscard]] Timestamp time() const { return host_; }
 
   const RigSight tracked_ = [] {
@@ -174,7 +176,8 @@ TEST_F(Commander, APlaceIsLookedAtWhereItsImageWasTakenAlsoByAnotherClock) {
 }
 
 TEST_F(Commander, ASearchGoesOnWhereEachMapWasSeenLastTheNewestFirst) {
-  RigCommander commander("shoulder", "eye", {7}, RigAim::kFollow, wire::RigSearchPattern::kRaster);
+  RigCommander commander("shoulder", "eye", {7}, RigAim::kFollow, wire::RigSearchPattern::kRaster,
+                         CommanderOptions());
   const auto tracked_in = [&](uint8_t map, double heading) {
     RigSight sight = tracked_;
     sight.map.bytes[0] = map;
@@ -370,6 +373,14 @@ TEST_F(Commander, AtTheEndTheDrivesAreLetGo) {
   EXPECT_EQ(step(commander)->mode, RigMode::kIdle);
   (void)step(commander);
   EXPECT_TRUE(commander.is_over());
+}
+
+TEST(CommanderOptionsTest, DefaultsAreInTheirRangesAndEachMemberIsListedOnce) {
+  CommanderOptions options;
+  const Status checked = check_options(options);
+  EXPECT_TRUE(checked) << checked.error().message;
+  const Status complete = list_options(&options).check_complete();
+  EXPECT_TRUE(complete) << complete.error().message;
 }
 
 }  // namespace

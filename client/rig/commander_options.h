@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+
+#include "common/base/option_list.h"
+
+namespace cairn {
+
+/// The times of RigCommander, by the rig's clock.
+struct CommanderOptions {
+  /// Lost for so long, the rig searches: a blurred image or a hand is soon over.
+  std::chrono::milliseconds search_after{300};
+  /// For a place to be verified, from when its image can be taken.
+  std::chrono::milliseconds candidate_time{400};
+  std::chrono::milliseconds kept{3000};  ///< for which directions are remembered
+  std::chrono::milliseconds near{50};    ///< between stamps of a frame and of a direction
+  std::chrono::milliseconds anew{1000};  ///< until an order that was refused or given up is given again
+  std::chrono::milliseconds gone{1000};  ///< of silence, after which the rig is not there,
+  int missed_states = 10;                ///< and no fewer states than that, of a rig whose clock is slowed
+  std::chrono::milliseconds longest_gap{1000};  ///< between two of them
+  std::chrono::milliseconds turned{3000};       ///< after homing, to look ahead
+};
+
+/// What an operator may set: all of it.
+[[nodiscard]] OptionList list_options(CommanderOptions* options);
+
+}  // namespace cairn
