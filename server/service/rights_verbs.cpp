@@ -229,6 +229,7 @@ std::vector<Subject> named_in(const asked::ChangeRights& ask) {
     return subject ? Named{*subject} : Named{};
   };
   const Overloaded cases{[&](const asked::GrantRight& grant) { return one(grant.to); },
+                         [&](const asked::LimitGrowth& limit) { return one(limit.to); },
                          [&](const asked::LetCreate& let) { return let.may ? one(let.to) : Named{}; },
                          [&](const asked::BlockClient& block) { return one(block.client); },
                          [](const asked::PutGroup& put) {

@@ -179,7 +179,7 @@ class Security(OnTheDesk):
         entries = self.ctl("audit", "--action", "turned away")
         self.assertEqual({(e["who"], e["outcome"].split(";")[0]) for e in entries}, {("client reader", "its keys were revoked")})
         self.assertGreaterEqual(len(entries), 2, "each process that tries is on record")
-        self.assertTrue(next(c for c in self.ctl("clients")["clients"] if c["name"] == "reader")["revoked"])
+        self.assertTrue(next(c for c in self.ctl("clients") if c["name"] == "reader")["revoked"])
         _, said = self.client("reader", "--pace", "lockstep", code=REFUSED, folder=device)
         self.assertIn("an operator has revoked the keys of this device", said)
 
