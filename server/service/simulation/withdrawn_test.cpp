@@ -26,7 +26,7 @@ class Withdrawn : public LoneClientFixture {
   /// So many tasks of the server, then the keys of its client are revoked.
   void revoke_after(int tasks) {
     for (int i = 0; i < tasks; ++i) (void)server_->run_something();
-    server_->service().clients().withdraw_offers([](const std::string&) { return true; });
+    server_->service().clients().turn_away({kClient});
   }
   [[nodiscard]] size_t maps() const { return server_->service().maps().all().size(); }
   [[nodiscard]] size_t proposals() {
