@@ -131,6 +131,10 @@ void History::asked_to_copy(MapId map) {
 
 void History::copied(MapId map, MapId copy, const std::string& name) {
   Copying copying = std::move(copying_.extract(map).mapped());
+  // What clients asked for meanwhile may have been done before the copy was made.
+  for (const auto& [label, texts] : maps_[map].texts)
+    copying.known.texts[label].insert(texts.begin(), texts.end());
+  copying.known.maybe_removed.insert(maps_[map].maybe_removed.begin(), maps_[map].maybe_removed.end());
   maps_[copy] = std::move(copying.known);
   maps_[copy].name = name;
   const std::vector<MapSnapshotPtr>& was = copying.revisions;
