@@ -53,11 +53,13 @@ void ask(Bytes bytes) {
     const auto again = read_rights(to_text(change->rights));
     demand(again && again->table() == change->rights.table(), "rights that are changed are kept as they are");
     demand(!fault_of_text(change->entry.object), "what the audit log says can be shown");
+    demand(!fault_of_text(note_on_names(rights(), *ask, {{"phone-1"}, true})),
+           "a note on names can be shown");
     const told::Rights shown{change->rights.table(), {{find_map("desk")->id, "desk"}}, kNow, {}, true};
     demand(reply_of(shown).result == 0, "rights can be shown");
   }
   if (const auto* ask = std::get_if<asked::ExplainRights>(&asks->what)) {
-    const auto explained = explain_rights(rights(), *ask, find_map, kNow);
+    const auto explained = explain_rights(rights(), *ask, find_map, {{"phone-1"}, true}, kNow);
     demand(!explained || reply_of(*explained).result == 0, "an explanation can be shown");
   }
   if (const auto* ask = std::get_if<asked::Audit>(&asks->what))
@@ -101,6 +103,7 @@ std::vector<Input> seeds() {
       R"({"verb": "rights-default", "right": "none", "create": false})",
       R"({"verb": "rights-create", "to": "phone-1", "may": true})",
       R"({"verb": "rights-group", "group": "crew", "members": ["ann", "eve"]})",
+      R"({"verb": "map-extent", "to": "group crew", "map": "desk", "within": {"margin": 0.5}})",
       R"({"verb": "map-freeze", "map": "desk", "why": "an exhibition"})",
       R"({"verb": "client-block", "client": "eve", "why": "lost"})",
       R"({"verb": "rights-explain", "client": "ann", "map": "desk"})",
