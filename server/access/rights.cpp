@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::array<std::string_view, 5> kRightWords{"none", "read", "add", "write", "manage"};
 
-constexpr const char* kByMaking = "the server, as its maker";  ///< in place of an operator's name
+constexpr const char* kByMaking = "the server to the map's maker";  ///< in place of an operator's name
 
 constexpr size_t kMaxWordsBytes = 1000;  // an operator's name, or a reason that a person reads
 

@@ -50,7 +50,7 @@ TEST_F(RightsTest, WhoHasMadeAMapMayWriteInItUntilSomethingElseIsGranted) {
   EXPECT_EQ(right("ann", kDesk), Right::kWrite);
   EXPECT_EQ(right("ann", kBench), Right::kNone);
   EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason,
-            "write, as granted to client ann by the server, as its maker");
+            "ann may write here, as granted by the server to the map's maker");
   grant(kAnn, kDesk, Right::kRead);
   ASSERT_TRUE(rights_.let_maker_write("ann", kDesk, kNow));
   EXPECT_EQ(right("ann", kDesk), Right::kRead);

@@ -113,10 +113,15 @@ struct Changer {
   }
 
   /// A grant for this map comes before those for all maps, also of who is named more closely there.
-  void demand_none_is_raised(const Subject& subject, Right right) const {
-    for (const Grant& other : out.rights.table().grants) {
-      const bool is_over = other.expires && *other.expires <= now;
-      if (other.map || is_over || other.subject.kind <= subject.kind || other.right >= right) continue;
+  void demand_none_is_raised(const Subject& subject, const MapId& map, Right right) const {
+    const std::vector<Grant> grants = out.rights.table().grants;
+    const auto is_over = [&](const Grant& grant) { return grant.expires && *grant.expires <= now; };
+    for (const Grant& other : grants) {
+      if (other.map || is_over(other) || other.subject.kind <= subject.kind || other.right >= right) continue;
+      const bool has_its_own = std::ranges::any_of(grants, [&](const Grant& own) {
+        return own.subject == other.subject && own.map == map && !is_over(own);
+      });
+      if (has_its_own) continue;
       refuse(ErrorCode::kUsage, to_string(other.subject) + " has '" + std::string(to_string(other.right)) +
                                     "' in all maps, which an extent for " + to_string(subject) +
                                     " in this map would raise; grant it for this map first");
@@ -135,7 +140,7 @@ struct Changer {
                                     "; only 'add' and 'write' can be kept within an extent: `cairnctl rights "
                                     "grant` gives one of them, with the same options");
     }
-    demand_none_is_raised(grant.subject, now_may.right);
+    demand_none_is_raised(grant.subject, map.id, now_may.right);
     grant.right = now_may.right;
     grant.expires = now_may.expires;
     if (ask.within) grant.extent = extent_of(*ask.within, map);

@@ -105,7 +105,7 @@ TEST_F(LabelAdministrationTest, WhatAnOperatorChangesAllSeeAndTheStoreKeeps) {
   EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice", "rude"}; }));
   said = cairnctl("labels map-1 remove " + std::to_string(rude.value) + " </dev/null");
   EXPECT_EQ(said.exit, 2) << "nobody can be asked: " << said.text;
-  EXPECT_THAT(said.text, HasSubstr("Say --yes if so"));
+  EXPECT_THAT(said.text, HasSubstr("give the command with --yes"));
   EXPECT_EQ(texts(*anna_).size(), 2U);
   said = cairnctl("labels map-1 remove --yes " + std::to_string(rude.value));
   EXPECT_EQ(said.exit, 0) << said.text;
