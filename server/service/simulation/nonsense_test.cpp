@@ -121,7 +121,8 @@ TEST_F(Nonsense, OffersAreRefusedByName) {
       {"on an offer that came to nothing", [](Offer& o) { o.reference_command = 1; }, "is not in this map"},
       {"of the last epoch of all", [](Offer& o) { o.epoch = {~uint64_t{0}}; }, "another epoch"},
       {"of no epoch", [](Offer& o) { o.epoch = {}; }, "another epoch"},
-      {"on a keyframe that never was", [](Offer& o) { o.reference = {1'000'000}; }, "is not in the map any more"},
+      {"on a keyframe that never was", [](Offer& o) { o.reference = {1'000'000}; },
+       "is not in the map any more"},
       {"on no keyframe", [](Offer& o) { o.reference = {}; }, "is not in the map any more"},
       {"of points that never were",
        [](Offer& o) {
