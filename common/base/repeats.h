@@ -21,8 +21,13 @@ class Repeats {
   /// What is to be said of `text`, which has come: it, or it with how often it has come since it was said
   /// last; nothing: it is folded.
   [[nodiscard]] std::optional<std::string> say(const std::string& text, TimePoint now) {
-    if (known_.size() >= kMost && !known_.contains(text)) known_.clear();
-    const auto [it, is_new] = known_.try_emplace(text, Said{now, 0});
+    return say(text, text, now);
+  }
+  /// Where texts differ, as by numbers, and are the same to who reads them: all of one `kind` are folded.
+  [[nodiscard]] std::optional<std::string> say(const std::string& kind, const std::string& text,
+                                               TimePoint now) {
+    if (known_.size() >= kMost && !known_.contains(kind)) known_.clear();
+    const auto [it, is_new] = known_.try_emplace(kind, Said{text, now, 0});
     Said& said = it->second;
     if (is_new) return text;
     if (now - said.at < interval_) {
@@ -30,15 +35,15 @@ class Repeats {
       return std::nullopt;
     }
     const std::string words = counted(text, said.untold);
-    said = {now, 0};
+    said = {text, now, 0};
     return words;
   }
 
   /// What was folded and has not been told.
   [[nodiscard]] std::vector<std::string> rest() {
     std::vector<std::string> all;
-    for (auto& [text, said] : known_)
-      if (said.untold > 0) all.push_back(counted(text, said.untold));
+    for (const auto& [kind, said] : known_)
+      if (said.untold > 0) all.push_back(counted(said.text, said.untold));
     known_.clear();
     return all;
   }
@@ -46,6 +51,7 @@ class Repeats {
  private:
   static constexpr size_t kMost = 64;  ///< different ones; whoever chooses the words may choose many
   struct Said {
+    std::string text;
     TimePoint at;
     size_t untold = 0;
   };

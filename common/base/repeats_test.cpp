@@ -21,6 +21,13 @@ TEST(Repeats, WhatComesAgainIsSaidOnceAndThenCounted) {
   EXPECT_TRUE(repeats.rest().empty());
 }
 
+TEST(Repeats, TextsOfOneKindAreFoldedWhateverTheirNumbers) {
+  Repeats repeats;
+  EXPECT_EQ(repeats.say("outside", "at 1", {}), "at 1");
+  for (int i = 2; i < 10; ++i) EXPECT_FALSE(repeats.say("outside", "at " + std::to_string(i), {}));
+  EXPECT_EQ(repeats.say("inside", "at 1", {}), "at 1");
+}
+
 TEST(Repeats, AnyNumberOfReasonsTakesLittle) {
   Repeats repeats;
   size_t folded = 0;

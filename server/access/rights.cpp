@@ -250,6 +250,16 @@ std::vector<Membership> Rights::memberships(const std::string& client) const {
   return memberships;
 }
 
+std::set<std::string> Rights::named_clients() const {
+  std::set<std::string> names;
+  for (const auto& [key, grant] : grants_) {
+    if (grant.subject.kind == Subject::Kind::kClient) names.insert(grant.subject.name);
+  }
+  for (const auto& [group, members] : groups_) names.insert(members.begin(), members.end());
+  for (const auto& [client, groups] : groups_of_keys_) names.insert(client);
+  return names;
+}
+
 std::set<std::string> Rights::groups() const {
   std::set<std::string> names;
   for (const auto& [group, members] : groups_) names.insert(group);

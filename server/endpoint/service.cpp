@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <future>
 #include <random>
 #include <utility>
 
@@ -45,11 +44,15 @@ Result<KeysOfSite> read_keys(const ServiceOptions& options, const Logger& log) {
 }
 
 /// Once all else of the start is done: of a start that fails nobody reads what it says, and it is said once.
-Status look_whose_store_it_is(Executor& site_changes, SiteAccess* site, const std::string& authority) {
-  if (authority.empty()) return {};
-  std::promise<Status> known;
-  site_changes.submit([&] { known.set_value(site->know_authority(authority)); }, Urgency::kUrgent);
-  return known.get_future().get();
+/// What cannot be known or kept is logged, and asked again at the next start.
+void look_whose_store_it_is(Executor& site_changes, SiteAccess* site, const std::string& authority,
+                            const Logger& log) {
+  if (authority.empty()) return;
+  const auto look = [site, authority, log] {
+    if (const Status known = site->know_authority(authority); !known)
+      log->error("whose keys the store was served with last is not known: {}", known.error().message);
+  };
+  site_changes.submit(look, Urgency::kUrgent);
 }
 
 }  // namespace
@@ -142,11 +145,10 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   const MapService::Executors executors{state->urgent, state->background, state->queries, state->idle,
                                         state->site_changes};
   auto endpoint = Endpoint::start(known, executors, state->store.get(), *state->site,
-                                  std::move(keys->clients), std::move(restored), std::move(log));
+                                  std::move(keys->clients), std::move(restored), log);
   if (!endpoint) return tl::unexpected(endpoint.error());
   state->endpoint = std::move(*endpoint);
-  if (Status known = look_whose_store_it_is(state->site_changes, state->site.get(), keys->authority); !known)
-    return tl::unexpected(known.error());
+  look_whose_store_it_is(state->site_changes, state->site.get(), keys->authority, log);
   return std::unique_ptr<Service>(new Service(std::move(state)));
 }
 

@@ -262,8 +262,11 @@ void Commands::pass_on(Client& client, const AnnouncedCamera& camera, wire::Keyf
                                 });
     }
   }
-  if (auto refusal = refuse(message, *entry, ruling))
+  if (auto refusal = refuse(message, *entry, ruling)) {
+    if (ruling.right < Right::kAdd)
+      clients_.note_refused(client, "keyframe offer", "map " + entry->name, refusal->second);
     return refuse_as(refusal->first, std::move(refusal->second));
+  }
   OfferJob job = job_of(client, camera, ruling, std::move(message));
   job.pending = client.pending_offers.add({PendingOffers::Kind::kKeyframe, outcome.map, ruling.extent},
                                           job.image.bytes.size(), clients_.waiting_bytes());

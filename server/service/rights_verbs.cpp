@@ -112,19 +112,19 @@ struct Changer {
     return {table.standard, {}, {}, {}};
   }
 
-  /// A grant for this map comes before those for all maps, also of who is named more closely there.
-  void demand_none_is_raised(const Subject& subject, const MapId& map, Right right) const {
-    const std::vector<Grant> grants = out.rights.table().grants;
-    const auto is_over = [&](const Grant& grant) { return grant.expires && *grant.expires <= now; };
-    for (const Grant& other : grants) {
-      if (other.map || is_over(other) || other.subject.kind <= subject.kind || other.right >= right) continue;
-      const bool has_its_own = std::ranges::any_of(grants, [&](const Grant& own) {
-        return own.subject == other.subject && own.map == map && !is_over(own);
-      });
-      if (has_its_own) continue;
-      refuse(ErrorCode::kUsage, to_string(other.subject) + " has '" + std::string(to_string(other.right)) +
-                                    "' in all maps, which an extent for " + to_string(subject) +
-                                    " in this map would raise; grant it for this map first");
+  /// An extent is a grant for this map, which comes before those for all maps; and of several groups the one
+  /// that grants most counts.
+  void demand_none_is_raised(const Grant& grant, const MapId& map) const {
+    Rights before = out.rights;
+    demand(before.freeze(map, std::nullopt));
+    Rights after = before;
+    demand(after.grant(grant));
+    for (const std::string& client : before.named_clients()) {
+      const Right had = before.rule(client, map, now).right;
+      if (after.rule(client, map, now).right <= had) continue;
+      refuse(ErrorCode::kUsage, "client " + client + " has the right '" + std::string(to_string(had)) +
+                                    "' here, which an extent for " + to_string(grant.subject) +
+                                    " would raise: grant that client its right in this map first");
     }
   }
 
@@ -140,10 +140,10 @@ struct Changer {
                                     "; only 'add' and 'write' can be kept within an extent: `cairnctl rights "
                                     "grant` gives one of them, with the same options");
     }
-    demand_none_is_raised(grant.subject, map.id, now_may.right);
     grant.right = now_may.right;
     grant.expires = now_may.expires;
     if (ask.within) grant.extent = extent_of(*ask.within, map);
+    demand_none_is_raised(grant, map.id);
     put(std::move(grant), "map " + map.name);
   }
 

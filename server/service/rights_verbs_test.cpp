@@ -103,7 +103,26 @@ TEST_F(RightsVerbsTest, AnExtentLeavesTheRight) {
   EXPECT_THAT(limit("everyone", room), HasSubstr("everyone, map desk: write within"));
   EXPECT_THAT(limit("zoe", room), HasSubstr("client zoe, map desk: write within"));
   grant("eve", "all", "none");
-  EXPECT_THAT(limit("everyone", room), HasSubstr("client eve has 'none' in all maps"));
+  EXPECT_THAT(limit("everyone", room), HasSubstr("client eve has the right 'none' here"));
+}
+
+/// Of several groups the one that grants most counts; who is in none of them stands in nobody's way.
+TEST_F(RightsVerbsTest, AnExtentOfAGroupRaisesNobodyInAnother) {
+  const auto say = [&](json request) { return ask(request); };
+  say({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob", "eve"}}});
+  say({{"verb", "rights-group"}, {"group", "guests"}, {"members", {"eve"}}});
+  say({{"verb", "rights-grant"}, {"to", "group crew"}, {"map", "all"}, {"right", "write"}});
+  say({{"verb", "rights-grant"}, {"to", "group guests"}, {"map", "desk"}, {"right", "read"}});
+  say({{"verb", "rights-grant"}, {"to", "zoe"}, {"map", "all"}, {"right", "read"}});
+  ASSERT_EQ(ruling("eve").right, Right::kRead);
+  const json extent{
+      {"verb", "map-extent"}, {"to", "group crew"}, {"map", "desk"}, {"within", {{"margin", 1}}}};
+  EXPECT_THAT(say(extent), HasSubstr("client eve has the right 'read' here"));
+  EXPECT_EQ(ruling("eve").right, Right::kRead);
+  say({{"verb", "rights-grant"}, {"to", "eve"}, {"map", "desk"}, {"right", "read"}});
+  EXPECT_THAT(say(extent), HasSubstr("write within"));
+  EXPECT_EQ(ruling("eve").right, Right::kRead);
+  EXPECT_TRUE(ruling("bob").extent);
 }
 
 TEST_F(RightsVerbsTest, WhoFreezesAMapAgainWithoutAWordLeavesTheReason) {

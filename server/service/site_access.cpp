@@ -59,7 +59,7 @@ Status secure(Opened* opened, Timestamp now, const Logger& log) {
   rights.close_to_unnamed();
   const size_t left = rights.table().grants.size();
   const std::string what = "default: none, makes no maps; " + std::to_string(before - left) +
-                           " grants to everyone withdrawn, " + std::to_string(left) +
+                           " grants to everyone and to makers of maps withdrawn, " + std::to_string(left) +
                            " to named clients and groups left";
   const AuditEntry entry{0, now, "server", "site secured", {}, what};
   if (Status kept = opened->file.keep_secured(to_text(rights), entry); !kept) return kept;
@@ -167,13 +167,16 @@ void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)
     put_in_force(change.rights);
     return done({});
   }
-  const auto keep = [this, file = file_, change = std::move(change), done = std::move(done)] {
-    const Status kept = file->keep_rights(to_text(change.rights), change.entry);
-    executors_->service([this, kept, rights = change.rights, done] {
+  const auto keep = [this, file = file_, chain = chain_, change = std::move(change), done = std::move(done)] {
+    Status kept = fail(ErrorCode::kIo, "a change of rights before this one could not be kept; ask again");
+    if (!chain->is_broken) kept = file->keep_rights(to_text(change.rights), change.entry);
+    chain->is_broken = !kept;
+    executors_->service([this, kept, chain, rights = change.rights, done] {
       if (kept) {
         put_in_force(rights);
         trouble_.clear();
-      } else {
+      } else if (chain == chain_) {
+        chain_ = std::make_shared<Chain>();
         newest_ = policy_->rights();
       }
       done(kept);

@@ -95,8 +95,15 @@ class SiteAccess {
         next_expiry_(newest_.next_expiry(policy_->now())) {}
   void put_in_force(Rights rights);
 
+  /// Changes that were each made of the one before: once one is not kept, none after it is. `is_broken` is
+  /// used by `site` only.
+  struct Chain {
+    bool is_broken = false;
+  };
+
   std::shared_ptr<RightsPolicy> policy_;
   Rights newest_;
+  std::shared_ptr<Chain> chain_ = std::make_shared<Chain>();
   std::shared_ptr<SiteFile> file_;  ///< used by `site` only; null: nothing is kept
   std::optional<Timestamp> secured_since_;
   std::string trouble_;

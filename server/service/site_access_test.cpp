@@ -13,6 +13,7 @@
 
 #include "common/io/test_directory.h"
 #include "server/service/by_hand.h"
+#include "server/store/sqlite.h"
 
 namespace cairn {
 namespace {
@@ -96,6 +97,29 @@ TEST_F(SiteAccessTest, ChangesThatFollowEachOtherAreAllThere) {
   run();
   EXPECT_EQ(right(*site), Right::kAdd);
   EXPECT_EQ(site->policy()->in_map(client_principal("eve"), kDesk).right, Right::kNone);
+}
+
+/// A change that was made of one that is not kept is not kept either: else what has failed would come with
+/// it, and a later one would take it back.
+TEST_F(SiteAccessTest, WhatFollowsAChangeThatIsNotKeptIsNotKeptAndWhatIsAskedAfterwardsIs) {
+  const auto site = open(folder_);
+  put(site.get(), {{"verb", "rights-default"}, {"right", "read"}});
+  run();
+  auto database = sqlite::Database::open(folder_ / "site.db", sqlite::OpenMode::kReadWrite);
+  ASSERT_TRUE(database);
+  ASSERT_TRUE(database->execute("ALTER TABLE rights RENAME TO away"));
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "write"}});
+  put(site.get(), {{"verb", "client-block"}, {"client", "eve"}});
+  of_executor_.run_one();
+  ASSERT_TRUE(database->execute("ALTER TABLE away RENAME TO rights"));
+  of_executor_.run_one();
+  of_service_.run_one();  // the grant was not kept
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "zoe"}, {"map", "desk"}, {"right", "add"}});
+  run();
+  EXPECT_EQ(kept_, (std::vector<bool>{true, false, false, true}));
+  EXPECT_EQ(right(*site), Right::kRead);
+  EXPECT_EQ(site->policy()->in_map(client_principal("zoe"), kDesk).right, Right::kAdd);
+  EXPECT_EQ(site->rights().table(), site->policy()->rights().table());
 }
 
 TEST_F(SiteAccessTest, AChangeWaitsForNoneOfTheQuestionsAboutTheAuditLogThatWait) {
@@ -205,10 +229,9 @@ TEST_F(SiteAccessTest, AStoreThatWasOpenLetsNobodyInUnnamedOnceItIsSecured) {
     EXPECT_EQ(right(*site), Right::kNone);
     EXPECT_FALSE(may_create(*site));
     EXPECT_EQ(site->policy()->in_map(client_principal("ann"), kDesk).right, Right::kRead);
-    EXPECT_THAT(
-        audit(site.get()).front(),
-        HasSubstr("server site secured default: none, makes no maps; 1 grants to everyone withdrawn, 1 "
-                  "to named clients and groups left"));
+    EXPECT_THAT(audit(site.get()).front(), HasSubstr("server site secured default: none, makes no maps; 1 "
+                                                     "grants to everyone and to makers of maps withdrawn, 1 "
+                                                     "to named clients and groups left"));
     now_.nanoseconds += 86'400 * kSecond;
   }
   {  // what an operator of the secured site decides then is not withdrawn again
