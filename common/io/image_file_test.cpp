@@ -145,6 +145,21 @@ TEST(ImageHeader, AGigapixelDoesNotHideBehindASmallImage) {
   }
 }
 
+/// A decoder takes memory for as many bytes as a chunk says it has.
+TEST(ImageHeader, NoChunkIsLongerThanItsFile) {
+  const Bytes whole = encode(".png", noise_image(64, 48));
+  const Bytes claim = {0x26, 0, 0, 0, 'i', 'T', 'X', 't', 'a', 0, 0, 0, 0, 0, 0, 0};
+  constexpr size_t kHeader = 8 + 25;
+  constexpr size_t kEnd = 12;
+  for (const size_t at : {kHeader, whole.size() - kEnd}) {
+    Bytes forged = whole;
+    forged.insert(forged.begin() + static_cast<ptrdiff_t>(at), claim.begin(), claim.end());
+    const auto decoded = decode_gray_image(forged);
+    ASSERT_FALSE(decoded);
+    EXPECT_THAT(decoded.error().message, HasSubstr("64x48) is cut short"));
+  }
+}
+
 TEST(ImageFileErrors, NameTheFileAndTheTrouble) {
   const TestDirectory directory;
   const auto path = directory.path() / "a.png";

@@ -30,30 +30,42 @@ tl::unexpected<Error> malformed(const char* what) {
   return fail(ErrorCode::kDamaged, what);
 }
 
-/// Of the chunk eXIf, which may lie anywhere between the first and the last (PNG specification, 11.3).
-int png_orientation(Bytes bytes) {
+struct PngChunks {
+  int orientation = kUpright;
+  bool complete = false;  ///< each is all there, up to IEND
+};
+
+/// Walks the chunks (PNG specification, 5.3): length (4), type (4), data, checksum (4). A decoder takes
+/// memory for the length that a chunk claims, so none may claim more than there is. eXIf may lie anywhere
+/// between the first and the last (11.3).
+PngChunks walk_chunks(Bytes bytes) {
+  constexpr size_t kSignature = 8;
+  constexpr size_t kAroundData = 12;
   constexpr std::array<uint8_t, 4> kExif = {'e', 'X', 'I', 'f'};
-  for (size_t at = 8; at + 12 <= bytes.size();) {
-    const size_t length = std::min<size_t>(big_endian_32(bytes, at), bytes.size() - at - 12);
-    if (starts_with(bytes.subspan(at + 4), kExif)) return exif_orientation(bytes.subspan(at + 8, length));
-    at += 12 + length;
+  constexpr std::array<uint8_t, 4> kIend = {'I', 'E', 'N', 'D'};
+  PngChunks chunks;
+  for (Bytes rest = bytes.subspan(kSignature); rest.size() >= kAroundData;) {
+    const size_t length = big_endian_32(rest, 0);
+    if (length > rest.size() - kAroundData) break;
+    if (starts_with(rest.subspan(4), kExif)) chunks.orientation = exif_orientation(rest.subspan(8, length));
+    chunks.complete = starts_with(rest.subspan(4), kIend);
+    if (chunks.complete) break;
+    rest = rest.subspan(kAroundData + length);
   }
-  return kUpright;
+  return chunks;
 }
 
-/// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1); the last chunk is IEND. A
-/// decoder passes over chunks in front of IHDR: their bytes must not pass for the size.
+/// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1). A decoder passes over chunks
+/// in front of IHDR: their bytes must not pass for the size.
 Result<ImageHeader> read_png(Bytes bytes) {
   constexpr std::array<uint8_t, 8> kIhdr = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
-  constexpr std::array<uint8_t, 4> kIend = {'I', 'E', 'N', 'D'};
   if (bytes.size() < 24) return cut_short();
   if (!starts_with(bytes.subspan(8), kIhdr)) return malformed("a PNG that does not begin with its header");
-  const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
-  const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
+  const PngChunks chunks = walk_chunks(bytes);
   const int bits = bytes.size() > 24 ? bytes[24] : 8;
   return ImageHeader{ImageFormat::kPng,        big_endian_32(bytes, 16),
                      big_endian_32(bytes, 20), bits,
-                     png_orientation(bytes),   complete};
+                     chunks.orientation,       chunks.complete};
 }
 
 /// Of a marker segment APP1: its marker and length, "Exif", two zeros, and the TIFF structure.

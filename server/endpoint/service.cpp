@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <future>
 #include <random>
 #include <utility>
 
@@ -48,11 +49,10 @@ Result<KeysOfSite> read_keys(const ServiceOptions& options, const Logger& log) {
 void look_whose_store_it_is(Executor& site_changes, SiteAccess* site, const std::string& authority,
                             const Logger& log) {
   if (authority.empty()) return;
-  const auto look = [site, authority, log] {
-    if (const Status known = site->know_authority(authority); !known)
-      log->error("whose keys the store was served with last is not known: {}", known.error().message);
-  };
-  site_changes.submit(look, Urgency::kUrgent);
+  std::promise<Status> looked;
+  site_changes.submit([&] { looked.set_value(site->know_authority(authority)); }, Urgency::kUrgent);
+  if (const Status known = looked.get_future().get(); !known)
+    log->error("whose keys the store was served with last is not known: {}", known.error().message);
 }
 
 }  // namespace

@@ -148,13 +148,15 @@ std::optional<std::string> interface_of_profile(std::string_view text) {
   constexpr std::string_view kElement = "<NetworkInterface";
   const size_t begin = text.find(kElement);
   if (begin == std::string_view::npos) return std::nullopt;
-  const std::string_view element = text.substr(begin, text.find('>', begin) - begin);
+  const size_t end = text.find('>', begin);
+  if (end == std::string_view::npos) return std::nullopt;  // the middleware says what is wrong with it
+  const std::string_view element = text.substr(begin, end - begin);
   for (const std::string_view name : {" address=\"", " name=\""}) {
     if (const std::string_view value = attribute(element, name); !value.empty()) return std::string(value);
   }
   // An older element, <NetworkInterfaceAddress>, has it as its text.
   if (!element.starts_with("<NetworkInterfaceAddress")) return std::nullopt;
-  const size_t value = begin + element.size() + 1;
+  const size_t value = end + 1;
   return std::string(text.substr(value, text.find('<', value) - value));
 }
 
