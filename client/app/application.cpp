@@ -386,6 +386,10 @@ struct Ending {
 std::optional<Error> missing_map(const Run& run) {
   const std::string& map = run.options.map;
   if (map.empty() || run.session->snapshot() != nullptr) return std::nullopt;
+  if (run.session->status().waits_for_map) {
+    return Error{ErrorCode::kNoServer,
+                 "map '" + map + "' has not come from the server whole: it is large, or the network slow"};
+  }
   return Error{ErrorCode::kRefused, "the server lists no map '" + map +
                                         "' to track in (`cairnctl maps` lists all, deleted ones too)"};
 }

@@ -31,6 +31,12 @@ std::string map_text(const FrameReport& report) {
   return named ? report.snapshot->name + " (" + id + ")" : id;
 }
 
+/// What is the same to who reads it, however many, how far or where.
+std::string without_numbers(std::string text) {
+  std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '%' || c == '.' || c == '-'; });
+  return text;
+}
+
 }  // namespace
 
 void tell_notes(const std::vector<SourceNote>& notes, const Logger& log) {
@@ -58,8 +64,7 @@ void Narrator::on_frame(const FrameReport& report) {
 
 /// How far a search is would be a line for each frame.
 void Narrator::tell_rig(const FrameReport& report) {
-  std::string rig = report.rig;
-  std::erase_if(rig, [](char c) { return (c >= '0' && c <= '9') || c == '%'; });
+  const std::string rig = without_numbers(report.rig);
   if (rig == rig_) return;
   rig_ = rig;
   if (!report.rig.empty()) log_->info("frame {}: {}", report.number, report.rig);
@@ -140,7 +145,8 @@ void Narrator::on_seed_reply(const SeedReply& reply) {
 
 /// A tracker that is refused a map begins another at once.
 void Narrator::tell_refusal(const std::string& refusal) {
-  if (const auto said = refusals_.say(refusal, clock_.now())) log_->info("{}", *said);
+  if (const auto said = refusals_.say(without_numbers(refusal), refusal, clock_.now()))
+    log_->info("{}", *said);
 }
 
 /// One line for each verdict and reason: a restarted server refuses a whole spool at once.

@@ -36,6 +36,17 @@ class Narration {
     return said_.str();
   }
 
+  /// A keyframe is refused for each, one after the other.
+  std::string of_refused_keyframes(const std::vector<std::string>& reasons) {
+    said_.str({});
+    for (const std::string& reason : reasons) {
+      OfferReply reply;
+      reply.reason = reason;
+      narrator_.on_offer_replies({reply});
+    }
+    return said_.str();
+  }
+
   /// So many seeds a second are refused, for so long, and the run ends.
   std::string of_refused_seeds(int per_second, int seconds, const std::string& reason) {
     said_.str({});
@@ -62,6 +73,14 @@ TEST(Narrator, TheSameRefusalIsSaidOnceAndThenHowOften) {
   EXPECT_THAT(said, HasSubstr("refused to start a map: this client is blocked by ann\n"));
   EXPECT_THAT(said, HasSubstr("(599 more like it"));
   EXPECT_THAT(said, HasSubstr("(299 more like it"));
+}
+
+TEST(Narrator, RefusalsThatDifferInNumbersAreOne) {
+  const std::string said =
+      Narration(spdlog::level::info)
+          .of_refused_keyframes({"the camera at (1.20, -0.31, 2.00) is outside of the extent",
+                                 "the camera at (0.20, 0.31, -12.5) is outside of the extent", "no"});
+  EXPECT_EQ(std::ranges::count(said, '\n'), 2) << said;
 }
 
 TEST(Narrator, AGapOfTheImuIsSaidAfterTwoSecondsOnceAndItsEndToo) {

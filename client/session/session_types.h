@@ -47,7 +47,8 @@ struct SessionStatus {
   /// "connected to ...", "server gone: tracking on the replica", "server restarted without this map", or why
   /// it refuses us
   std::string text;
-  bool map_known = true;  ///< whether the server knows the map in use
+  bool map_known = true;       ///< whether the server knows the map in use
+  bool waits_for_map = false;  ///< the first revision of the map in use is on its way
   size_t spooled = 0;
   uint64_t bytes_sent = 0;
   uint64_t bytes_received = 0;

@@ -120,7 +120,7 @@ void print_rights(const json& all) {
 }
 
 void print_explanation(const json& said) {
-  std::printf("in map %s %s\n", text_of(said, "map").c_str(), text_of(said, "reason").c_str());
+  std::printf("in map %s: %s\n", text_of(said, "map").c_str(), text_of(said, "reason").c_str());
   for (const json& rule : said.value("rules", json::array()))
     std::printf("  %s %s\n", padded(text_of(rule, "part"), 14).c_str(), text_of(rule, "rule").c_str());
   for (const json& member : said.value("groups", json::array())) {

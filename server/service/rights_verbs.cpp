@@ -91,12 +91,13 @@ struct Changer {
     demand(out.rights.grant(std::move(grant)));
   }
 
-  /// What somebody may do in a map while nobody has frozen it: of a group or everyone, what was granted to
-  /// them, else to everyone, for the map before all maps, else the site's default.
+  /// What somebody may do in a map while nobody has frozen it or blocked them: of a group or everyone, what
+  /// was granted to them, else to everyone, for the map before all maps, else the site's default.
   Ruling present(const Subject& subject, const MapId& map) const {
     if (subject.kind == Subject::Kind::kClient) {
       Rights open = out.rights;
       demand(open.freeze(map, std::nullopt));
+      demand(open.block(subject.name, std::nullopt));
       return open.rule(subject.name, map, now);
     }
     const Rights::Table table = out.rights.table();

@@ -105,6 +105,8 @@ TEST_F(RightsVerbsTest, AnExtentLeavesTheRight) {
   grant("eve", "all", "write");
   EXPECT_THAT(limit("everyone", room), HasSubstr("everyone, map desk: write within"));
   EXPECT_THAT(limit("zoe", room), HasSubstr("client zoe, map desk: write within"));
+  ask({{"verb", "client-block"}, {"client", "bob"}});
+  EXPECT_THAT(limit("bob", room), HasSubstr("client bob, map desk: add within"));
 }
 
 /// Of several groups the one that grants most counts; who is in none of them stands in nobody's way.

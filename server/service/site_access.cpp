@@ -12,8 +12,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFile = "site.db";
-constexpr int64_t kEntriesKept =
-    1'000'000;  // 200 MB: decades of what people do by hand; labels, within their rate
+constexpr int64_t kEntriesKept = 1'000'000;  ///< 200 MB; half of it holds decades of what operators do
 
 struct Opened {
   SiteFile file;

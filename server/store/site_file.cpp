@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -134,6 +135,7 @@ Status SiteFile::insert(std::span<const AuditEntry> entries) {
     row->bind(0, entry.time.nanoseconds).bind(1, kept_words(entry.who)).bind(2, kept_words(entry.action));
     row->bind(3, kept_words(entry.object)).bind(4, kept_words(entry.outcome));
     if (Status done = row->run(); !done) return done;
+    if (at_most_ < std::numeric_limits<int64_t>::max()) ++at_most_;
   }
   return {};
 }
@@ -165,16 +167,27 @@ Result<std::vector<AuditEntry>> SiteFile::find(const AuditQuery& query) {
 }
 
 Result<int64_t> SiteFile::prune(int64_t most) {
+  if (at_most_ <= most) return 0;
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  const auto count = database_.number("SELECT count(*) FROM audit");
-  if (!count || *count <= most) return count ? Result<int64_t>(0) : tl::unexpected(count.error());
-  auto remove = database_.prepare(
-      "DELETE FROM audit WHERE number IN (SELECT number FROM audit ORDER BY number LIMIT ?1)");
-  if (!remove) return tl::unexpected(remove.error());
-  if (Status done = remove->bind(0, *count - most).run(); !done) return tl::unexpected(done.error());
+  const auto all = database_.number("SELECT count(*) FROM audit");
+  const auto of_clients = database_.number("SELECT count(*) FROM audit WHERE who LIKE 'client %'");
+  if (!all || !of_clients) return all ? of_clients : all;
+  at_most_ = *all;
+  if (*all <= most) return 0;
+  const int64_t too_many = *all - (most - most / 100);  // with room for some: counting takes its time
+  const int64_t from_clients = std::clamp<int64_t>(*of_clients - most / 2, 0, too_many);
+  for (const auto& [whose, entries] : {std::pair("client %", from_clients), {"%", too_many - from_clients}}) {
+    auto remove = database_.prepare(
+        "DELETE FROM audit WHERE number IN (SELECT number FROM audit WHERE who LIKE ?1 ORDER BY number "
+        "LIMIT ?2)");
+    if (!remove) return tl::unexpected(remove.error());
+    if (Status done = remove->bind(0, whose).bind(1, entries).run(); !done)
+      return tl::unexpected(done.error());
+  }
   if (Status done = transaction->commit(); !done) return tl::unexpected(done.error());
-  return *count - most;
+  at_most_ -= too_many;
+  return too_many;
 }
 
 }  // namespace cairn

@@ -64,7 +64,8 @@ class SiteFile {
   [[nodiscard]] Status append(std::span<const AuditEntry> entries);
   /// The newest first.
   [[nodiscard]] Result<std::vector<AuditEntry>> find(const AuditQuery& query);
-  /// Removes the oldest, but for so many; how many there were.
+  /// Removes the oldest where there are more than `most`: of clients' while those are more than half, since
+  /// a client may place labels day and night; how many went.
   [[nodiscard]] Result<int64_t> prune(int64_t most);
 
  private:
@@ -74,6 +75,8 @@ class SiteFile {
   [[nodiscard]] Status insert(std::span<const AuditEntry> entries);
 
   sqlite::Database database_;
+  int64_t at_most_ =
+      std::numeric_limits<int64_t>::max();  ///< entries of the audit log; the most: not counted yet
 };
 
 }  // namespace cairn
