@@ -63,9 +63,8 @@ Result<ImageHeader> read_png(Bytes bytes) {
   if (!starts_with(bytes.subspan(8), kIhdr)) return malformed("a PNG that does not begin with its header");
   const PngChunks chunks = walk_chunks(bytes);
   const int bits = bytes.size() > 24 ? bytes[24] : 8;
-  return ImageHeader{ImageFormat::kPng,        big_endian_32(bytes, 16),
-                     big_endian_32(bytes, 20), bits,
-                     chunks.orientation,       chunks.complete};
+  return ImageHeader{ImageFormat::kPng,  big_endian_32(bytes, 16), big_endian_32(bytes, 20), bits,
+                     chunks.orientation, chunks.complete};
 }
 
 /// Of a marker segment APP1: its marker and length, "Exif", two zeros, and the TIFF structure.

@@ -117,7 +117,8 @@ TEST(Configuration, WhatInterfaceAProfileNames) {
   EXPECT_EQ(interface_of_profile("<NetworkInterfaceAddress>eth1</NetworkInterfaceAddress>"), "eth1");
   EXPECT_EQ(interface_of_profile("<NetworkInterface autodetermine=\"true\" />"), std::nullopt);
   EXPECT_EQ(interface_of_profile("<General></General>"), std::nullopt);
-  for (const char* cut : {"<NetworkInterface name=\"", "<NetworkInterfaceAddress", "<NetworkInterfaceAddress>"})
+  for (const char* cut :
+       {"<NetworkInterface name=\"", "<NetworkInterfaceAddress", "<NetworkInterfaceAddress>"})
     EXPECT_EQ(interface_of_profile(cut).value_or(""), "") << "cut off";
 }
 
