@@ -321,7 +321,7 @@ TEST_P(RightsOverDds, WhoMakesAMapMayLetItGrow) {
 /// The cameras of the map stand outside of its points.
 TEST_P(RightsOverDds, WithinItsBoundsAndAMarginAMapGrowsAsBefore) {
   make_map();
-  ask_server({{"verb", "map-extent"}, {"to", "anna"}, {"map", "map-1"}, {"within", {{"margin", 1}}}});
+  ask_server({{"verb", "map-extent"}, {"to", "anna"}, {"map", "map-1"}, {"within", {{"margin", 0.2}}}});
   EXPECT_THAT(why_no_offer(*anna_), ::testing::Not(HasSubstr("outside")));
   testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 5);
   anna_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{5});
