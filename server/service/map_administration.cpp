@@ -84,15 +84,15 @@ void MapAdministration::remove(MapId id, MapEntry* entry, bool for_good, const A
   entry->leaving = true;
   // All that is handed in is written, exports of it that are under way come to their end, and then its file
   // goes, in the writer's turn. Until then the map is served: it may yet stay.
-  const auto let_go = [this, id, runner = entry->runner, answer](Store& store) {
+  const auto remove_file = [this, id, runner = entry->runner, answer](Store& store) {
     const Status removed = store.remove(id);
     if (removed) runner->retire();
     context_.post([this, id, removed, answer] { finish_removal(id, removed, answer); });
   };
-  entry->runner->flush([this, answer, let_go](const Status&) {  // a full disk keeps no map from going
-    context_.store->run([this, answer, let_go](const Store&) {
-      on_store_strand(context_, answer, [this, let_go](const Store&) -> Task {
-        context_.store->run(let_go);
+  entry->runner->flush([this, answer, remove_file](const Status&) {  // a full disk keeps no map from going
+    context_.store->run([this, answer, remove_file](const Store&) {
+      on_store_strand(context_, answer, [this, remove_file](const Store&) -> Task {
+        context_.store->run(remove_file);
         return {};
       });
     });

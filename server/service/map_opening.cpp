@@ -189,7 +189,7 @@ void MapOpening::restore_one(MapId map, const OpeningOptions& options, RestoredI
 void MapOpening::change_state(MapId map, const OpeningOptions& options, RestoredImages images,
                               StateChange how) {
   with_.run([this, map, options, images, how = std::move(how)](Store& writers) {
-    writers.let_go(map);
+    writers.close(map);
     with_.strand->submit_within(how.place, [this, map, options, images, how] {
       Store& store = with_.store;
       const AcceptState accept = [&](StoredMap state) -> Status {
@@ -202,7 +202,7 @@ void MapOpening::change_state(MapId map, const OpeningOptions& options, Restored
       };
       const Status changed = guarded(with_.log, [&] { return how.change(store, accept); });
       with_.run([map, how, changed](Store& same) {
-        same.let_go(map);
+        same.close(map);
         how.done(changed);
       });
     });

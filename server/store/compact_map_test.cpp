@@ -121,7 +121,7 @@ class CompactMap : public testing::KeptMapFixture {
     ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
   }
   [[nodiscard]] Status compact() {
-    store_->let_go(header_.id);
+    store_->close(header_.id);
     return compact_map(store_.get(), header_.id);
   }
   /// What a replica has of a map, whatever the ids: positions of points, poses of keyframes.
@@ -189,7 +189,7 @@ TEST_F(CompactMap, NothingElseOfTheFileIsLostOrChanged) {
   keep();
   keep_more();
   remove([](MapState* state) { state->remove_keyframe(KeyframeId{3}); });
-  store_->let_go(header_.id);
+  store_->close(header_.id);
   const StoredMap before = load();
   const auto rows_before = rows_of_tables();
   MapState state = assemble_map(before.record, RestoredImages::kStay)->state;

@@ -59,7 +59,7 @@ class DropContributor : public testing::KeptMapFixture {
     ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
   }
   [[nodiscard]] Status drop(const std::string& client, const AcceptState& accept = {}) {
-    store_->let_go(header_.id);
+    store_->close(header_.id);
     return drop_contributor(store_.get(), header_.id, client, accept);
   }
   [[nodiscard]] std::vector<std::string> contributors() {

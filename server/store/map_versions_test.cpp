@@ -244,7 +244,7 @@ TEST_F(MapVersionsTest, TheStoreTagsWhatThereIsBeforeItRollsBackAndCopiesMaps) {
   ASSERT_TRUE(store->write(header_.id, {&update, 1}));
   const std::vector<uint8_t> grown = bytes_of(store->load(header_.id)->record);
   const MapTag before{0, "", {}, "ann", 0, 0, 0, 0};
-  store->let_go(header_.id);
+  store->close(header_.id);
   ASSERT_FALSE(store->roll_back(header_.id, "nothing", before, {}));
   EXPECT_THAT(*store->tags(header_.id), SizeIs(1)) << "nothing has happened";
   const Epoch epoch = store->load(header_.id)->header.epoch;
@@ -254,7 +254,7 @@ TEST_F(MapVersionsTest, TheStoreTagsWhatThereIsBeforeItRollsBackAndCopiesMaps) {
     return {};
   };
   for (const auto& [name, state] : {std::pair("bare", &bare), std::pair("before-rollback-1", &grown)}) {
-    store->let_go(header_.id);
+    store->close(header_.id);
     ASSERT_TRUE(store->roll_back(header_.id, name, before, accept));
     EXPECT_GT(shown, epoch);
     EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == *state);

@@ -114,7 +114,7 @@ TEST_F(ProposalsTest, RollBackLeavesThemAlone) {
   keep({proposal(1)});
   ASSERT_TRUE(store_->tag(header_.id, {0, "bare", Timestamp{7}, "operator ann", 0, 0, 0, 0}));
   keep({proposal(2)}, {1});
-  store_->let_go(header_.id);
+  store_->close(header_.id);
   ASSERT_TRUE(store_->roll_back(header_.id, "bare", {0, "", Timestamp{8}, "operator ann", 0, 0, 0, 0}, {}));
   EXPECT_THAT(numbers(), ElementsAre(2));
 }
@@ -208,7 +208,7 @@ TEST_F(ProposalsTest, ADamagedOneKeepsNothingFromWorkingAndGoesWithTheNextStart)
 
 TEST_F(ProposalsTest, WhereTheTableCannotBeReadToItsEndNoneOfThemIsForgotten) {
   keep({proposal(1), proposal(2), proposal(3), proposal(4)});
-  store_->let_go(header_.id);
+  store_->close(header_.id);
   const std::string large = std::to_string(testing::ShortMemory::kTooLarge);
   alter("UPDATE proposals SET data = zeroblob(" + large + ") WHERE id = 2");
   {
@@ -227,7 +227,7 @@ TEST_F(ProposalsTest, WhereTheTableCannotBeReadToItsEndNoneOfThemIsForgotten) {
 
 TEST_F(ProposalsTest, ADamagedFileIsNotWrittenToForADamagedProposal) {
   keep({proposal(1), proposal(2)});
-  store_->let_go(header_.id);
+  store_->close(header_.id);
   alter(
       "UPDATE proposals SET data = x'00' WHERE id = 1;"
       "UPDATE positions SET checksum = checksum + 1 WHERE id = 1");

@@ -109,15 +109,15 @@ class Store {
   [[nodiscard]] Status untag(MapId map, const std::string& name);
   [[nodiscard]] Result<MapTag> find_tag(MapId map, const std::string& name);
   /// As MapFile::roll_back(), in an epoch as of load(). `before` is called before-rollback-N. Over a
-  /// connection of its own, beside the thread that writes other maps: after let_go(), and nobody writes this
+  /// connection of its own, beside the thread that writes other maps: after close(), and nobody writes this
   /// map.
   [[nodiscard]] Status roll_back(MapId map, const std::string& name, MapTag before,
                                  const AcceptState& accept);
   /// Says in the log which proposals could not be read of a map that goes on without them.
   void note_lost_proposals(MapId map, const StoredMap& read) const;
-  /// Another connection is about to change the map's file, or has done so: it is opened anew when it is
-  /// needed.
-  void let_go(MapId map) { close(map); }
+  /// Closes the map's file, which another connection is about to change or has changed: it is opened anew
+  /// when it is needed.
+  void close(MapId map);
   /// As MapFile::read_images().
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
@@ -214,7 +214,6 @@ class Store {
   /// Over another connection. Errors: as MapFile::open(); kDamaged: it is another map's.
   [[nodiscard]] Result<MapFile> open_own(MapId map) const;
   void keep_open(MapId map, MapFile file);
-  void close(MapId map);
 
   std::filesystem::path folder_;
   std::unique_ptr<Lock> lock_;
