@@ -210,9 +210,9 @@ std::string no_server_text(const TrackOptions& options, const Session& session) 
          "; is it running, in the same domain and for this network (its --profile and --listen)? --listen "
          "here takes another interface" +
          (options.security.empty()
-              ? ""
-              : ". Or your keys are no longer accepted, of which a server says nothing: ask "
-                "the operator");
+              ? ". A secured site speaks only to who shows keys of its own: --security DIR"
+              : ". Or your keys are no longer accepted, or the server's are not by yours (a line of the "
+                "middleware says \"certificate revoked\"): ask the operator");
 }
 
 /// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or
@@ -385,8 +385,10 @@ struct Ending {
 /// Nothing: the map that was asked for was there, or none in particular was.
 std::optional<Error> missing_map(const Run& run) {
   const std::string& map = run.options.map;
+  const bool waits =
+      run.session->status().waits_for_map;  // before the map is looked for: it may come between
   if (map.empty() || run.session->snapshot() != nullptr) return std::nullopt;
-  if (run.session->status().waits_for_map) {
+  if (waits) {
     return Error{ErrorCode::kNoServer,
                  "map '" + map + "' has not come from the server whole: it is large, or the network slow"};
   }
@@ -527,7 +529,7 @@ int wait_and_track(Run& run) {
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
   if (!run.source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
-    log->warn("{}; going on until it does", missing_map(run)->message);
+    if (const auto missing = missing_map(run)) log->warn("{}; going on until it does", missing->message);
   }
   if (stop()) return kInterruptedExit;
   if (const auto status = session.status();

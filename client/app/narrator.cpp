@@ -31,12 +31,6 @@ std::string map_text(const FrameReport& report) {
   return named ? report.snapshot->name + " (" + id + ")" : id;
 }
 
-/// What is the same to who reads it, however many, how far or where.
-std::string without_numbers(std::string text) {
-  std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '%' || c == '.' || c == '-'; });
-  return text;
-}
-
 }  // namespace
 
 void tell_notes(const std::vector<SourceNote>& notes, const Logger& log) {

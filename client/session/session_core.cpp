@@ -329,7 +329,8 @@ SessionStatus SessionCore::status() const {
   SessionStatus status;
   status.link = monitor_.link();
   status.map_known = is_map_known();
-  status.waits_for_map = maps_.in_use() && maps_.snapshot() == nullptr;
+  status.waits_for_map = maps_.in_use() && maps_.replica_in_use() == nullptr &&
+                         monitor_.knows(maps_.in_use()) && status.link == ServerLink::kConnected;
   status.spooled = spool_.size();
   if (!refusal_.empty()) {
     // Also when it is not heard any more: whose keys are revoked is told so, and nothing else from then on.

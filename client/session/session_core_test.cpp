@@ -150,6 +150,23 @@ TEST_F(SessionCoreTest, NothingIsSentThatTheServerDoesNotRead) {
   EXPECT_EQ(only<SessionCore::Offer>(drain()).size(), 1U);
 }
 
+TEST_F(SessionCoreTest, AMapIsWaitedForOnlyWhileItsServerIsThereAndHasIt) {
+  connect();
+  EXPECT_FALSE(core_->status().waits_for_map);
+  list(kDesk, "desk");
+  core_->use_map(kDesk, {}, {});
+  EXPECT_TRUE(core_->status().waits_for_map);
+  core_->take_presence(false);
+  EXPECT_FALSE(core_->status().waits_for_map) << "nobody sends it";
+  connect();
+  EXPECT_TRUE(core_->status().waits_for_map);
+  core_->take_unlisted(kDesk);
+  EXPECT_FALSE(core_->status().waits_for_map) << "it is gone";
+  list(kDesk, "desk");
+  ASSERT_TRUE(core_->take(snapshot_of(kDesk, 1)));
+  EXPECT_FALSE(core_->status().waits_for_map) << "it is there";
+}
+
 TEST_F(SessionCoreTest, AServerThatKnowsNothingOfUsGetsANewSessionAndOffersAreGivenUp) {
   connect();
   list(kDesk, "desk");

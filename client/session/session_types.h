@@ -48,7 +48,7 @@ struct SessionStatus {
   /// it refuses us
   std::string text;
   bool map_known = true;       ///< whether the server knows the map in use
-  bool waits_for_map = false;  ///< the first revision of the map in use is on its way
+  bool waits_for_map = false;  ///< the server has the map in use, whose first revision is on its way
   size_t spooled = 0;
   uint64_t bytes_sent = 0;
   uint64_t bytes_received = 0;

@@ -10,6 +10,12 @@
 
 namespace cairn {
 
+/// What is the same to who reads it, however many, how far or where.
+[[nodiscard]] inline std::string without_numbers(std::string text) {
+  std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '%' || c == '.' || c == '-'; });
+  return text;
+}
+
 /// Folds what would be said again and again, such as the same refusal ten times a second: said once, and
 /// again after a time with how often it has come meanwhile. Pure: the time is handed in. One thread.
 class Repeats {

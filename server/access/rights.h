@@ -142,9 +142,9 @@ class Rights {
   /// All that was looked at for rule().
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;
-  /// By group.
   /// Clients that a grant or a group names.
   [[nodiscard]] std::set<std::string> named_clients() const;
+  /// By group.
   [[nodiscard]] std::vector<Membership> memberships(const std::string& client) const;
   /// All groups that have members, by rights or by keys.
   [[nodiscard]] std::set<std::string> groups() const;

@@ -437,6 +437,8 @@ void describe_extent(CLI::App* below, const std::string* map, AccessAction* acti
   add_extent(extent, words.get());
   extent->add_flag("--unbounded", words->unbounded, "the map grows anywhere");
   extent->footer(
+      "An extent is a grant of its own, for this map: `cairnctl rights revoke WHO MAP` takes it back, with "
+      "the right.\n\n"
       "Examples:\n"
       "  cairnctl map desk extent\n"
       "  cairnctl map desk extent everyone --margin 0.5\n"

@@ -82,7 +82,8 @@ Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
               "and --listen)? --listen here takes another interface" +
               (options.security.empty()
                    ? "; a secured site answers only who shows the keys of an operator, with --security"
-                   : "; are the keys of --security of its site, and not revoked there?"));
+                   : "; are the keys of --security of its site, and neither they nor the server's "
+                     "revoked (`cairnctl keys list`)?"));
     }
     std::this_thread::sleep_for(milliseconds(5));
   }

@@ -201,11 +201,13 @@ Status revoke(const Words& words, bool as_json) {
   print_identities({identity}, as_json);
   std::fprintf(stderr, "cairnctl: its security folder is removed here, and the name %s is taken until %s\n",
                named->second.c_str(), to_utc(last_expiry(identity)).c_str());
+  const bool is_server = named->first == IdentityRole::kServer;
   std::fprintf(stderr,
                "cairnctl: copy %s and crl.pem to the security folders of servers on other machines, crl.pem "
-               "also to those "
-               "of rigs and of a wearer's other cameras there\n",
-               std::string(kRegisterFile).c_str());
+               "also to those of %s, and start these again\n",
+               std::string(kRegisterFile).c_str(),
+               is_server ? "all clients, operators and rigs, which speak to whoever has a server's keys"
+                         : "rigs and of a wearer's other cameras there");
   return {};
 }
 

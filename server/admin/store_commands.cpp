@@ -247,9 +247,12 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
 void print_check(const json& check) {
   const json faults = check.value("faults", json::array());
   const std::string name = text_of(check, "name");
+  const std::string not_checked = text_of(check, "not_checked");
   std::printf("%s%s%s: %s", text_of(check, "part").c_str(), name.empty() ? "" : "  ", name.c_str(),
-              faults.empty() ? "sound" : "damaged");
-  if (faults.empty() && text_of(check, "part").ends_with(".cairnmap"))
+              !faults.empty()       ? "damaged"
+              : not_checked.empty() ? "sound"
+                                    : ("not checked: " + not_checked).c_str());
+  if (faults.empty() && not_checked.empty() && text_of(check, "part").ends_with(".cairnmap"))
     std::printf(", %" PRIu64 " keyframes, %" PRIu64 " points, %" PRIu64 " labels, %" PRIu64 " tags",
                 count_of(check, "keyframes"), count_of(check, "points"), count_of(check, "labels"),
                 count_of(check, "tags"));
@@ -258,18 +261,25 @@ void print_check(const json& check) {
   if (!faults.empty()) std::printf("    remedy: %s\n", text_of(check, "remedy").c_str());
 }
 
-/// Prints what was found; error kDamaged when anything was.
+/// Prints what was found; error kDamaged when anything was, kIo when anything could not be checked.
 Status tell_checks(const json& checks, bool as_json) {
   size_t damaged = 0;
-  for (const json& check : checks) damaged += check.value("faults", json::array()).empty() ? 0 : 1;
+  size_t not_checked = 0;
+  for (const json& check : checks) {
+    damaged += check.value("faults", json::array()).empty() ? 0 : 1;
+    not_checked += text_of(check, "not_checked").empty() ? 0 : 1;
+  }
   if (as_json) {
     std::printf("%s\n", json_text(checks, 2).c_str());
   } else {
     for (const json& check : checks) print_check(check);
   }
-  if (damaged == 0) return {};
-  return fail(ErrorCode::kDamaged,
-              std::to_string(damaged) + " of " + std::to_string(checks.size()) + " files are damaged");
+  const std::string of_all = " of " + std::to_string(checks.size()) + " files ";
+  if (damaged > 0) return fail(ErrorCode::kDamaged, std::to_string(damaged) + of_all + "are damaged");
+  if (not_checked > 0)
+    return fail(ErrorCode::kIo,
+                std::to_string(not_checked) + of_all + "could not be checked; see to the disk");
+  return {};
 }
 
 Status verify_server(AdminClient* client, bool as_json) {

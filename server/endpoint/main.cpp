@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <sys/stat.h>
+
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
@@ -107,6 +109,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
 }  // namespace
 
 int main(int argc, char** argv) {
+  ::umask(0027);  // what is kept are images and rights, and no business of other users of this machine
   try {
     const auto parsed = cairn::parse_server_options({argv + 1, argv + argc});
     if (const auto* exit = std::get_if<cairn::EarlyExit>(&parsed)) {

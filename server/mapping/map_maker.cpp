@@ -255,7 +255,7 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input, const Decode
   s.wanting_points.push_back(
       {decision.keyframe, 0, 0, s.take_candidates(decision.keyframe, input), input.extent});
   s.local_adjustment_due = true;
-  s.upkeep_due = true;
+  s.upkeep_due = s.upkeep_due || !input.adds_only;
   s.global_adjustment_due = true;
   return decision;
 }

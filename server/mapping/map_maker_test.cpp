@@ -508,6 +508,28 @@ TEST_F(MapMakerTest, NoPointIsMadeOutsideOfAnExtentWhoeverElseMakesSome) {
   EXPECT_TRUE(std::any_of(outside.begin(), outside.end(), [&](PointId id) { return id > newest; }));
 }
 
+/// Where next to every keyframe is redundant, one gives way to those that come, but not to who only adds.
+TEST_F(MapMakerTest, WhoOnlyAddsTakesNothingAway) {
+  options_.upkeep.redundant_fraction = 0.01;
+  options_.upkeep.redundant_observers = 1;
+  options_.upkeep.newest_kept = 0;
+  for (const bool adds_only : {true, false}) {
+    start();
+    size_t keyframes = maker_->snapshot()->keyframe_count();
+    bool any_gave_way = false;
+    for (const int step : {5, 8, 11, 14}) {
+      KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
+      offered.adds_only = adds_only;
+      ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+      steps_.push_back(step);
+      work();
+      any_gave_way = any_gave_way || maker_->snapshot()->keyframe_count() <= keyframes;
+      keyframes = maker_->snapshot()->keyframe_count();
+    }
+    EXPECT_EQ(any_gave_way, !adds_only);
+  }
+}
+
 TEST_F(MapMakerTest, ASeedIsHeldToItsExtent) {
   start();
   const auto everywhere = maker_->snapshot();

@@ -113,10 +113,11 @@ struct Client {
   std::set<MapId> maps_told;  ///< by MapInfo, while connected
   MonotonicTime left_at;      ///< when it was not any more
   std::optional<MonotonicTime> intruder_told_at;
-  SessionId intruder;             ///< the latest: logged once, told again and again
-  bool repeat_verdicts = false;   ///< an intruder's notice may have replaced ours
-  RateLimit camera_warning{};     ///< a peer may announce what is refused as often as it likes
-  Repeats refused{};              ///< what it may not do and tries all the same, for the audit log
+  SessionId intruder;            ///< the latest: logged once, told again and again
+  bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
+  RateLimit camera_warning{};    ///< a peer may announce what is refused as often as it likes
+  /// What it may not do and tries all the same, as a tracker does with each keyframe: for the audit log.
+  Repeats refused{std::chrono::hours(1)};
   Repeats seeds_refused{};        ///< for the server's log
   bool lockstep_refused = false;  ///< its session asked for it here, where there is none
 };

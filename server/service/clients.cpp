@@ -91,7 +91,8 @@ void Clients::note_done(const std::string& client, const std::string& action,
 
 void Clients::note_refused(Client& client, const std::string& action, const std::string& object,
                            const std::string& why) const {
-  const auto said = client.refused.say(action + ", " + object, "refused: " + why, context_.now());
+  const auto said = client.refused.say(action + ", " + object + ": " + without_numbers(why),
+                                       "refused: " + why, context_.now());
   if (!said) return;
   context_.site.note({0, context_.site.policy()->now(), "client " + client.name, action, object, *said});
 }

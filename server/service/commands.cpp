@@ -50,6 +50,7 @@ OfferJob job_of(const Client& client, const AnnouncedCamera& camera, const Rulin
   job.input.measurements = std::move(message.measurements);
   job.input.candidates = std::move(message.candidates);
   job.input.up = message.up;
+  job.input.adds_only = ruling.right < Right::kWrite;
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   return job;
@@ -252,8 +253,10 @@ void Commands::pass_on(Client& client, const AnnouncedCamera& camera, wire::Keyf
   };
   MapEntry* entry = maps_.array().find(message.map);
   const Ruling ruling = context_.access().in_map(client.principal(), message.map);
-  if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone)
+  if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone) {
+    if (entry != nullptr) note_refused_offer(client, *entry, ruling.reason);
     return refuse_as(wire::OfferDecision::kUnknownMap, "this server does not know the map");
+  }
   if (takes_proposals(context_, client, message.map, *entry)) {
     if (std::string why = why_aside(message, *entry, ruling); !why.empty()) {
       return proposals_.propose(client, *entry, std::move(message), camera, std::move(why),
@@ -262,11 +265,8 @@ void Commands::pass_on(Client& client, const AnnouncedCamera& camera, wire::Keyf
                                 });
     }
   }
-  if (auto refusal = refuse(message, *entry, ruling)) {
-    if (ruling.right < Right::kAdd)
-      clients_.note_refused(client, "keyframe offer", "map " + entry->name, refusal->second);
+  if (auto refusal = refuse(message, *entry, ruling))
     return refuse_as(refusal->first, std::move(refusal->second));
-  }
   OfferJob job = job_of(client, camera, ruling, std::move(message));
   job.pending = client.pending_offers.add({PendingOffers::Kind::kKeyframe, outcome.map, ruling.extent},
                                           job.image.bytes.size(), clients_.waiting_bytes());
@@ -322,8 +322,15 @@ void Commands::on_offer_decided(const std::string& client_name, SessionId sessio
   if (outcome.decision == wire::OfferDecision::kAccepted) maps_.young().forget(outcome.map);
   Client* client = clients_.find(client_name);
   if (client == nullptr) return;
+  const MapEntry* entry = maps_.array().find(outcome.map);
+  if (outcome.decision == wire::OfferDecision::kNoRight && entry != nullptr)
+    note_refused_offer(*client, *entry, outcome.reason);
   client->offer_gate.decide(session, std::move(outcome));
   clients_.write_verdicts(*client);
+}
+
+void Commands::note_refused_offer(Client& client, const MapEntry& entry, const std::string& why) {
+  clients_.note_refused(client, "keyframe offer", "map " + entry.name, why);
 }
 
 }  // namespace cairn

@@ -58,6 +58,7 @@ class Commands {
                                const Ruling& ruling) const;
   void offer(const std::string& client_name, MapEntry* entry, OfferJob job, wire::OfferOutcome outcome);
   void on_offer_decided(const std::string& client_name, SessionId session, wire::OfferOutcome outcome);
+  void note_refused_offer(Client& client, const MapEntry& entry, const std::string& why);
 
   const ServiceContext& context_;
   Clients& clients_;

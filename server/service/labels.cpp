@@ -96,8 +96,13 @@ void Labels::note(const std::string& client_name, const wire::ClientRequest& req
     return clients_.note_done(client_name, action_of(request.action), map + label);
   }
   Client* client = clients_.find(client_name);
-  if (client != nullptr && judgement.decision == wire::RequestDecision::kNoRight)
-    clients_.note_refused(*client, action_of(request.action), map, judgement.reason);
+  if (client == nullptr) return;
+  if (judgement.decision == wire::RequestDecision::kNoRight)
+    return clients_.note_refused(*client, action_of(request.action), map, judgement.reason);
+  // It is not told that there is such a map.
+  const Ruling ruling = ruling_on_labels(context_.access(), client->principal(), request.map);
+  if (entry != nullptr && ruling.right == Right::kNone)
+    clients_.note_refused(*client, action_of(request.action), map, ruling.reason);
 }
 
 void Labels::on_decided(const std::string& client_name, const wire::ClientRequest& request,

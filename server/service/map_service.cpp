@@ -117,6 +117,7 @@ void MapService::on_map_gone(MapId map, bool was_shown) {
 
 void MapService::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
+  context_.site.try_again();
   if (context_.site.has_changed()) enforce_rights(context_, clients_, news_);
   clients_.tell_status({context_.options.server, context_.options.start_count, std::string(version()),
                         health_.words(), static_cast<uint32_t>(sessions_.live_count(now)),

@@ -95,10 +95,7 @@ struct Changer {
   /// was granted to them, else to everyone, for the map before all maps, else the site's default.
   Ruling present(const Subject& subject, const MapId& map) const {
     if (subject.kind == Subject::Kind::kClient) {
-      Rights open = out.rights;
-      demand(open.freeze(map, std::nullopt));
-      demand(open.block(subject.name, std::nullopt));
-      return open.rule(subject.name, map, now);
+      return open_ruling(out.rights, subject.name, map, now);
     }
     const Rights::Table table = out.rights.table();
     for (const std::optional<MapId>& object : {std::optional(map), std::optional<MapId>()}) {
@@ -113,19 +110,45 @@ struct Changer {
     return {table.standard, {}, {}, {}};
   }
 
+  /// What `client` may do in a map if nobody has frozen it or blocked the client.
+  Ruling open_ruling(Rights rights, const std::string& client, const MapId& map, Timestamp at) const {
+    demand(rights.freeze(map, std::nullopt));
+    demand(rights.block(client, std::nullopt));
+    return rights.rule(client, map, at);
+  }
+
+  /// Now, and whenever a grant expires from now on.
+  std::set<Timestamp> times_of_change(const Grant& added) const {
+    std::set<Timestamp> times{now};
+    if (added.expires) times.insert(*added.expires);
+    for (const Grant& grant : out.rights.table().grants)
+      if (grant.expires && *grant.expires > now) times.insert(*grant.expires);
+    return times;
+  }
+
   /// An extent is a grant for this map, which comes before those for all maps; and of several groups the one
-  /// that grants most counts.
+  /// that grants most counts. So it may give somebody more than he had, now or once another grant is over.
   void demand_none_is_raised(const Grant& grant, const MapId& map) const {
-    Rights before = out.rights;
-    demand(before.freeze(map, std::nullopt));
-    Rights after = before;
+    const std::vector<Grant> grants = out.rights.table().grants;
+    const auto own = std::ranges::find_if(
+        grants, [&](const Grant& one) { return one.subject == grant.subject && one.map == grant.map; });
+    const auto is_raised = [&](const Ruling& had, const Ruling& has) {
+      if (has.right > had.right) return true;
+      const bool is_others = own == grants.end() || had.extent != own->extent;
+      return has.right > Right::kRead && had.extent && is_others && has.extent != had.extent;
+    };
+    Rights after = out.rights;
     demand(after.grant(grant));
-    for (const std::string& client : before.named_clients()) {
-      const Right had = before.rule(client, map, now).right;
-      if (after.rule(client, map, now).right <= had) continue;
-      refuse(ErrorCode::kUsage, "client " + client + " has the right '" + std::string(to_string(had)) +
-                                    "' here, which an extent for " + to_string(grant.subject) +
-                                    " would raise: grant that client its right in this map first");
+    for (const std::string& client : out.rights.named_clients()) {
+      for (const Timestamp at : times_of_change(grant)) {
+        const Ruling had = open_ruling(out.rights, client, map, at);
+        if (!is_raised(had, open_ruling(after, client, map, at))) continue;
+        refuse(ErrorCode::kUsage,
+               "client " + client + " has the right '" + std::string(to_string(had.right)) + "' here" +
+                   (had.extent ? " within " + describe(*had.extent) : "") +
+                   (at > now ? " from " + to_utc(at) + " on" : "") + ", which an extent for " +
+                   to_string(grant.subject) + " would raise: grant that client its right in this map first");
+      }
     }
   }
 
@@ -250,6 +273,8 @@ std::vector<Subject> named_in(const asked::ChangeRights& ask) {
 
 /// Empty: there is one.
 std::string note_on_client(const std::string& name, const KnownClients& known) {
+  if (known.revoked.contains(name))
+    return "the keys of client " + name + " are revoked: it may do nothing, whatever the rules say";
   if (known.names.contains(name)) return {};
   return "nobody called '" + name + "' has " + (known.have_keys ? "keys here or has " : "") +
          "connected since the server started" + did_you_mean(name, {known.names.begin(), known.names.end()});

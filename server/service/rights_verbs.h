@@ -30,8 +30,9 @@ using FindMap = std::function<std::optional<NamedMap>(const std::string& name_or
 /// Which clients there are, so that a name that was mistyped is noticed. Rights for who comes later are
 /// possible.
 struct KnownClients {
-  std::set<std::string> names;  ///< that have keys, or have connected since the server started
-  bool have_keys = false;       ///< in a secured site
+  std::set<std::string> names;         ///< that have keys, or have connected since the server started
+  bool have_keys = false;              ///< in a secured site
+  std::set<std::string> revoked = {};  ///< whose keys the server takes no more
 };
 
 struct RightsChange {

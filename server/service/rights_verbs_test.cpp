@@ -128,6 +128,45 @@ TEST_F(RightsVerbsTest, AnExtentOfAGroupRaisesNobodyInAnother) {
   EXPECT_TRUE(ruling("bob").extent);
 }
 
+/// Neither is what somebody may do once he is not blocked any more, or where, or later.
+TEST_F(RightsVerbsTest, AnExtentWidensNoOtherGrant) {
+  const auto grant = [&](const char* to, const char* map, const char* right, json more = json::object()) {
+    json request{{"verb", "rights-grant"}, {"to", to}, {"map", map}, {"right", right}};
+    request.update(more);
+    ask(request);
+  };
+  const auto limit = [&](const char* to, json within) {
+    json request{{"verb", "map-extent"}, {"to", to}, {"map", "desk"}};
+    if (!within.is_null()) request["within"] = std::move(within);
+    return ask(request);
+  };
+  const json narrow{{"center", {0, 0, 0}}, {"radius", 1}};
+  const json wide{{"center", {0, 0, 0}}, {"radius", 9}};
+  ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob", "eve"}}});
+  ask({{"verb", "rights-group"}, {"group", "guests"}, {"members", {"eve"}}});
+  grant("group crew", "all", "write");
+  grant("group guests", "desk", "read");
+  ask({{"verb", "client-block"}, {"client", "eve"}});
+  EXPECT_THAT(limit("group crew", wide), HasSubstr("client eve has the right 'read' here, which"));
+  ask({{"verb", "client-unblock"}, {"client", "eve"}});
+
+  grant("group guests", "desk", "write", {{"within", narrow}});
+  EXPECT_THAT(limit("group crew", wide),
+              HasSubstr("client eve has the right 'write' here within 1.00 around"));
+  EXPECT_THAT(limit("group crew", nullptr),
+              HasSubstr("client eve has the right 'write' here within 1.00 around"));
+
+  grant("eve", "all", "none");
+  grant("eve", "desk", "write", {{"until", "2027-01-16T08:00:00Z"}});
+  EXPECT_THAT(limit("group crew", wide), HasSubstr("from 2027-01-16T08:00:00Z on"));
+
+  grant("eve", "desk", "write", {{"within", narrow}});
+  EXPECT_THAT(limit("eve", wide), HasSubstr("client eve, map desk: write within 9.00")) << "his own";
+  EXPECT_THAT(limit("group crew", wide), HasSubstr("group crew, map desk: write within 9.00"));
+  EXPECT_THAT(limit("group crew", narrow), HasSubstr("group crew, map desk: write within 1.00"));
+  EXPECT_THAT(limit("group crew", nullptr), HasSubstr("group crew, map desk: write"));
+}
+
 TEST_F(RightsVerbsTest, WhoFreezesAMapAgainWithoutAWordLeavesTheReason) {
   ask({{"verb", "map-freeze"}, {"map", "desk"}, {"why", "on show"}});
   EXPECT_EQ(ask({{"verb", "map-freeze"}, {"map", "desk"}}), "map freeze: map desk: on show");
@@ -219,6 +258,10 @@ TEST_F(RightsVerbsTest, ANameThatNobodyHasIsToldAndTheRuleHoldsAllTheSame) {
   ASSERT_TRUE(explained);
   EXPECT_EQ(content_of(*explained)["note"],
             "nobody called 'nobody' has keys here or has connected since the server started");
+  const auto revoked = explain_rights(rights_, {"bob", "desk"}, find, {{"bob"}, true, {"bob"}}, kNow);
+  ASSERT_TRUE(revoked);
+  EXPECT_THAT(content_of(*revoked)["note"].get<std::string>(),
+              HasSubstr("the keys of client bob are revoked"));
 }
 
 TEST_F(RightsVerbsTest, AGroupThatIsNotThereYetIsToldWithTheRemedy) {

@@ -12,7 +12,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFile = "site.db";
-constexpr int64_t kEntriesKept = 1'000'000;  ///< 200 MB; half of it holds decades of what operators do
+constexpr size_t kMostWaiting = 10'000;      ///< entries of the audit log that the disk has not taken yet
+constexpr int64_t kEntriesKept = 1'000'000;  ///< 200 MB: decades of what people do by hand
 
 struct Opened {
   SiteFile file;
@@ -48,6 +49,14 @@ tl::unexpected<Error> refuse_to_open(const fs::path& path, Timestamp since) {
           ", and without --security everybody could do there what its rights allow to any name; start "
           "the server with --security DIR (`cairnctl keys issue server` makes it). Its maps can be "
           "given to an open site: `cairnctl maps export` there, `cairnctl maps import` here");
+}
+
+/// Whether a file that is damaged elsewhere can say that it is no secured site's.
+bool is_surely_open(const fs::path& path) {
+  auto file = SiteFile::open(path);
+  if (!file) return false;
+  const auto since = file->secured_since();
+  return since && !*since;
 }
 
 /// Kept before anybody is served.
@@ -104,6 +113,13 @@ Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, Sit
   std::string trouble;
   if (!opened) {
     const std::string why = opened.error().message;
+    if (kind == SiteKind::kOpen && !is_surely_open(path)) {
+      return fail(ErrorCode::kDamaged,
+                  why +
+                      "; whether the store is a secured site's is not known. If it is, start the server with "
+                      "--security DIR; if it is an open site's, move " +
+                      path.string() + " away: its rights and its audit log go with it");
+    }
     const fs::path aside = set_aside(path, now);
     opened = open_file(path);
     if (!opened) return tl::unexpected(opened.error());
@@ -127,7 +143,13 @@ Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, Sit
 Status SiteAccess::know_authority(const std::string& fingerprint) {
   if (file_ == nullptr) return {};
   const auto before = file_->authority();
-  if (!before) return tl::unexpected(before.error());
+  if (!before) {
+    if (before.error().code != ErrorCode::kDamaged) return tl::unexpected(before.error());
+    const std::string what = before.error().message + "; taken to be " + short_of(fingerprint);
+    log_->warn("with whose keys the store was used last cannot be read: {}", what);
+    return file_->keep_authority(fingerprint,
+                                 AuditEntry{0, policy_->now(), "server", "keys unknown", {}, what});
+  }
   if (*before == fingerprint) return {};
   if (!*before) return file_->keep_authority(fingerprint, std::nullopt);
   const std::string what = "keys of another authority (" + short_of(fingerprint) +
@@ -178,6 +200,7 @@ void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)
         chain_ = std::make_shared<Chain>();
         newest_ = policy_->rights();
       }
+      tell_of_disk(kept);
       done(kept);
     });
   };
@@ -206,13 +229,50 @@ void SiteAccess::forget(const MapId& map, const std::string& map_name) {
 
 void SiteAccess::note(AuditEntry entry) {
   if (file_ == nullptr) return;
-  const auto write = [file = file_, log = log_, entry = std::move(entry)] {
-    const Status written = file->append({&entry, 1});
-    if (!written) log->error("the audit log: {}", written.error().message);
-    if (const auto pruned = file->prune(kEntriesKept); !pruned)
+  keep_entries(std::move(entry));
+}
+
+void SiteAccess::keep_entries(std::optional<AuditEntry> entry) {
+  is_keeping_ = true;
+  kept_last_ = policy_->now();
+  const auto write = [this, file = file_, waiting = waiting_, log = log_, entry = std::move(entry)] {
+    if (entry) waiting->push_back(*entry);
+    const Status written = file->append(*waiting);
+    if (written) {
+      waiting->clear();
+    } else if (waiting->size() > kMostWaiting) {
+      const AuditEntry& lost = waiting->front();
+      log->error("an entry of the audit log is lost: {} {} {} {}", lost.who, lost.action, lost.object,
+                 lost.outcome);
+      waiting->erase(waiting->begin());
+    }
+    if (const auto pruned = file->prune(kEntriesKept); written && !pruned)
       log->error("the audit log: {}", pruned.error().message);
+    executors_->service([this, written] {
+      is_keeping_ = false;
+      tell_of_disk(written);
+    });
   };
   executors_->site.submit(write, Urgency::kUrgent);  // in the order in which it was done
+}
+
+void SiteAccess::tell_of_disk(const Status& written) {
+  const bool was_well = disk_trouble_.empty();
+  disk_trouble_ = written ? std::string() : "rights and audit log cannot be kept: " + written.error().message;
+  if (!written && was_well) log_->error("{}", disk_trouble_);
+  if (written && !was_well) log_->info("rights and audit log can be kept again");
+}
+
+void SiteAccess::try_again() {
+  constexpr int64_t kPause = 2'000'000'000;  // [ns]
+  if (disk_trouble_.empty() || is_keeping_ || policy_->now().nanoseconds - kept_last_.nanoseconds < kPause)
+    return;
+  keep_entries(std::nullopt);
+}
+
+std::string SiteAccess::trouble() const {
+  return trouble_.empty() || disk_trouble_.empty() ? trouble_ + disk_trouble_
+                                                   : trouble_ + "; " + disk_trouble_;
 }
 
 void SiteAccess::note_refused(const std::string& who, const std::string& why) {

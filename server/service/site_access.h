@@ -53,7 +53,7 @@ class SiteAccess {
   /// Since when the store is a secured site's; nothing: it is not, or nothing is kept.
   [[nodiscard]] const std::optional<Timestamp>& secured_since() const { return secured_since_; }
   /// Why nobody may do anything, for the server's health; empty when all is well.
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  [[nodiscard]] std::string trouble() const;
 
   /// Keeps a change and puts it in force; `done` is told on the service's thread. Changes come into force in
   /// their order, before what is asked of the audit log; each is to be made of the newest rights().
@@ -65,12 +65,14 @@ class SiteAccess {
   void forget(const MapId& map, const std::string& map_name);
   /// The newest, in force or about to be.
   [[nodiscard]] const Rights& rights() const { return newest_; }
-  /// Writes an entry into the audit log, soon. What the disk does not take is in the server's log only.
+  /// Writes an entry into the audit log, soon; what the disk does not take waits until it does.
   void note(AuditEntry entry);
   /// Likewise, and into the server's log: somebody was not let in by the transport, as who he says he is.
   void note_refused(const std::string& who, const std::string& why);
   /// Likewise: somebody is not heard, or is not any more, though he speaks.
   void note_turned_away(const Principal& who, const std::string& why);
+  /// Tries to write what waits, now and then; to be called often.
+  void try_again();
   /// Error kRefused: nothing is kept.
   void find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done);
 
@@ -94,6 +96,9 @@ class SiteAccess {
         log_(std::move(log)),
         next_expiry_(newest_.next_expiry(policy_->now())) {}
   void put_in_force(Rights rights);
+  /// Those that wait, and one more.
+  void keep_entries(std::optional<AuditEntry> entry);
+  void tell_of_disk(const Status& written);
 
   /// Changes that were each made of the one before: once one is not kept, none after it is. `is_broken` is
   /// used by `site` only.
@@ -107,6 +112,11 @@ class SiteAccess {
   std::shared_ptr<SiteFile> file_;  ///< used by `site` only; null: nothing is kept
   std::optional<Timestamp> secured_since_;
   std::string trouble_;
+  std::string disk_trouble_;  ///< since the last write failed
+  bool is_keeping_ = false;   ///< entries of the audit log
+  Timestamp kept_last_;
+  /// Entries that the disk has not taken; used by `site` only.
+  std::shared_ptr<std::vector<AuditEntry>> waiting_ = std::make_shared<std::vector<AuditEntry>>();
   Logger log_;
   std::optional<Executors> executors_;
   std::optional<Timestamp> next_expiry_;

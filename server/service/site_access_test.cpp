@@ -52,6 +52,11 @@ class SiteAccessTest : public ::testing::Test {
     ASSERT_TRUE(change) << change.error().message;
     site->put(std::move(*change), [this](const Status& kept) { kept_.push_back(kept.has_value()); });
   }
+  void change_file(const char* sql) const {
+    auto database = sqlite::Database::open(folder_ / "site.db", sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(database);
+    ASSERT_TRUE(database->execute(sql));
+  }
   [[nodiscard]] Right right(const SiteAccess& site) const {
     return site.policy()->in_map(client_principal("bob"), kDesk).right;
   }
@@ -189,11 +194,21 @@ TEST_F(SiteAccessTest, AStoreOfAnotherSiteIsToldOnceWithTheRemedy) {
   EXPECT_THAT(said.str(), Not(HasSubstr("another site"))) << "once";
   start("aaaa");
   EXPECT_THAT(said.str(), HasSubstr("another site"));
+  change_file("UPDATE authority SET data = x'616c6c'");
+  start("bbbb");
+  EXPECT_THAT(said.str(), HasSubstr("with whose keys the store was used last cannot be read"));
+  EXPECT_THAT(audit_.front(), HasSubstr("server keys unknown"));
+  start("aaaa");
+  EXPECT_THAT(said.str(), HasSubstr("another site")) << "it is known again";
 }
 
 TEST_F(SiteAccessTest, RightsThatCannotBeReadCloseTheSiteAlsoAtTheNextStart) {
-  { const auto site = open(folder_); }
-  std::ofstream(folder_ / "site.db") << "nothing that a database would say, and more of that, and more";
+  {
+    const auto site = open(folder_);
+    put(site.get(), {{"verb", "rights-default"}, {"right", "write"}});
+    run();
+  }
+  change_file("UPDATE rights SET data = x'616c6c'");
   {
     const auto site = open(folder_);
     EXPECT_EQ(right(*site), Right::kNone);
@@ -259,6 +274,61 @@ TEST_F(SiteAccessTest, DamagedRightsOfASecuredSiteCloseItAndLeaveItSecured) {
   { const auto site = open(folder_, SiteKind::kSecured); }
   EXPECT_FALSE(SiteAccess::open(
       folder_, SiteKind::kOpen, [this] { return now_; }, null_logger()));
+}
+
+/// Served openly, anybody could make himself its operator.
+TEST_F(SiteAccessTest, AFileThatCannotSayThatItIsAnOpenSitesIsNotOpenedToEverybody) {
+  { const auto site = open(folder_, SiteKind::kSecured); }
+  for (const char* damage : {"UPDATE secured SET data = x'616c6c'", ""}) {
+    if (*damage != '\0') {
+      change_file(damage);
+    } else {
+      std::ofstream(folder_ / "site.db") << "nothing that a database would say, and more of that, and more";
+    }
+    for (int start = 0; start < 2; ++start) {
+      const auto refused = SiteAccess::open(
+          folder_, SiteKind::kOpen, [this] { return now_; }, null_logger());
+      ASSERT_FALSE(refused);
+      EXPECT_EQ(refused.error().code, ErrorCode::kDamaged);
+      EXPECT_THAT(refused.error().message, HasSubstr("start the server with --security DIR"));
+      EXPECT_THAT(refused.error().message, HasSubstr("move " + (folder_ / "site.db").string() + " away"));
+    }
+  }
+  EXPECT_EQ(right(*open(folder_, SiteKind::kSecured)), Right::kNone);
+}
+
+TEST_F(SiteAccessTest, WhatTheDiskDoesNotTakeWaitsAndIsTold) {
+  std::ostringstream said;
+  auto sink = std::make_shared<spdlog::sinks::ostream_sink_mt>(said);
+  auto opened = SiteAccess::open(
+      folder_, SiteKind::kOpen, [this] { return now_; }, std::make_shared<spdlog::logger>("", sink));
+  ASSERT_TRUE(opened);
+  SiteAccess* site = opened->get();
+  site->run_by({executor_, [this](Task task) { service_.submit(std::move(task)); }});
+  const auto note = [&](const char* object) {
+    site->note({0, now_, "operator ann", "map rename", object, object});
+    run();
+  };
+  note("first");
+  EXPECT_EQ(site->trouble(), "");
+  change_file("ALTER TABLE audit RENAME TO away");
+  note("second");
+  note("third");
+  EXPECT_THAT(site->trouble(), HasSubstr("rights and audit log cannot be kept"));
+  site->try_again();
+  EXPECT_TRUE(of_executor_.empty()) << "not at once";
+  change_file("ALTER TABLE away RENAME TO audit");
+  now_.nanoseconds += 2 * kSecond;
+  site->try_again();
+  run();
+  EXPECT_EQ(site->trouble(), "");
+  EXPECT_THAT(audit(site),
+              testing::ElementsAre("operator ann map rename third", "operator ann map rename second",
+                                   "operator ann map rename first"));
+  EXPECT_THAT(said.str(), HasSubstr("can be kept again"));
+  now_.nanoseconds += 2 * kSecond;
+  site->try_again();
+  EXPECT_TRUE(of_executor_.empty()) << "nothing waits";
 }
 
 TEST_F(SiteAccessTest, WithoutAStoreRightsAreInMemoryAndThereIsNoLog) {

@@ -50,7 +50,7 @@ std::optional<NamedMap> SiteAdministration::named_map(const std::string& name_or
 
 KnownClients SiteAdministration::known_clients() const {
   const std::optional<GroupsOfClients>& with_keys = context_.site.clients_with_keys();
-  KnownClients known{{}, with_keys.has_value()};
+  KnownClients known{{}, with_keys.has_value(), clients_.turned_away()};
   for (const auto& [name, client] : clients_.all()) known.names.insert(name);
   for (const auto& [name, groups] : with_keys.value_or(GroupsOfClients{})) known.names.insert(name);
   return known;
@@ -102,9 +102,14 @@ AdminAnswer SiteAdministration::audited(const std::string& operator_name, const 
     const auto* label = is_done ? std::get_if<told::LabelSeen>(&*told) : nullptr;
     if (label != nullptr && entry.object.find(", text ") == std::string::npos)
       entry.object += ", text " + label->label.text;
-    if (!is_done || !is_kept_with_rights) {
+    const std::string said = is_done ? "done" : words_of(told.error());
+    const auto outcome = is_done ? std::optional(said)
+                                 : refused_.say(entry.who + ", " + entry.action + ", " + entry.object + ": " +
+                                                    without_numbers(said),
+                                                said, context_.now());
+    if (outcome && !(is_done && is_kept_with_rights)) {
       entry.time = context_.site.policy()->now();
-      entry.outcome = is_done ? "done" : words_of(told.error());
+      entry.outcome = *outcome;
       context_.site.note(entry);
     }
     tell(std::move(told));

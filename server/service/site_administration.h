@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "common/base/repeats.h"
 #include "server/service/admin_request.h"
 #include "server/service/map_news.h"
 #include "server/service/operator_answer.h"
@@ -39,6 +40,7 @@ class SiteAdministration {
   MapArray& maps_;
   Clients& clients_;
   MapNews& news_;
+  Repeats refused_{};  ///< of operators, for the audit log
 };
 
 }  // namespace cairn

@@ -5,9 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <atomic>
+#include <csignal>
 #include <fstream>
 #include <random>
 #include <thread>
@@ -206,6 +208,27 @@ TEST_F(BackupTest, AMapThatIsBeingWrittenIsSoundAndCopiedAsOfOneMoment) {
   }
   writer.join();
   RecordProperty("looks", std::to_string(looks));
+}
+
+/// A file cannot be opened where no log can be made beside it: that is no damage.
+TEST_F(BackupTest, WhatTheDiskDoesNotLetBeCheckedIsNotDamaged) {
+  keep();
+  const std::string map = "maps/" + to_hex(header_.id.bytes) + ".cairnmap";
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit full{0, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &full);
+  std::vector<FileCheck> checks;
+  for (const std::string& part : {map, std::string("catalogue.db"), std::string("site.db")})
+    checks.push_back(check_part(home_, part, {}));
+  setrlimit(RLIMIT_FSIZE, &before);
+  for (const FileCheck& check : checks) {
+    EXPECT_THAT(check.faults, IsEmpty());
+    EXPECT_EQ(check.remedy, "");
+  }
+  EXPECT_THAT(checks[1].not_checked, HasSubstr("catalogue.db"));
+  EXPECT_THAT(checks[2].not_checked, HasSubstr("site.db"));
 }
 
 TEST_F(BackupTest, AFaultIsSaidWithItsFileRowAndRemedy) {

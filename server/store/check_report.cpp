@@ -18,7 +18,7 @@ nlohmann::json describe(const FileCheck& check) {
   }
   return {{"part", check.part},     {"name", check.name},     {"keyframes", check.keyframes},
           {"points", check.points}, {"labels", check.labels}, {"tags", check.tags},
-          {"faults", faults},       {"remedy", check.remedy}};
+          {"faults", faults},       {"remedy", check.remedy}, {"not_checked", check.not_checked}};
 }
 
 }  // namespace cairn

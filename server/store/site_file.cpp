@@ -3,8 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <functional>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "common/base/utc.h"
@@ -35,6 +36,18 @@ std::string escaped(std::string_view text) {
 
 AuditEntry entry_of(const sqlite::Statement& row) {
   return {row.integer(0), {row.integer(1)}, row.text(2), row.text(3), row.text(4), row.text(5)};
+}
+
+/// So many entries of each are kept that all have room together: who has fewer keeps all (max-min fairness).
+/// `counts`: by rising number.
+int64_t fair_share(const std::vector<std::pair<std::string, int64_t>>& counts, int64_t room) {
+  auto left = static_cast<int64_t>(counts.size());
+  for (const auto& [who, entries] : counts) {
+    if (entries * left > room) return room / left;
+    room -= entries;
+    --left;
+  }
+  return std::numeric_limits<int64_t>::max();
 }
 
 }  // namespace
@@ -170,24 +183,36 @@ Result<int64_t> SiteFile::prune(int64_t most) {
   if (at_most_ <= most) return 0;
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  const auto all = database_.number("SELECT count(*) FROM audit");
-  const auto of_clients = database_.number("SELECT count(*) FROM audit WHERE who LIKE 'client %'");
-  if (!all || !of_clients) return all ? of_clients : all;
-  at_most_ = *all;
-  if (*all <= most) return 0;
-  const int64_t too_many = *all - (most - most / 100);  // with room for some: counting takes its time
-  const int64_t from_clients = std::clamp<int64_t>(*of_clients - most / 2, 0, too_many);
-  for (const auto& [whose, entries] : {std::pair("client %", from_clients), {"%", too_many - from_clients}}) {
-    auto remove = database_.prepare(
-        "DELETE FROM audit WHERE number IN (SELECT number FROM audit WHERE who LIKE ?1 ORDER BY number "
-        "LIMIT ?2)");
-    if (!remove) return tl::unexpected(remove.error());
-    if (Status done = remove->bind(0, whose).bind(1, entries).run(); !done)
+  auto counts = entries_of_each();
+  if (!counts) return tl::unexpected(counts.error());
+  at_most_ = std::transform_reduce(counts->begin(), counts->end(), int64_t{0}, std::plus<>(),
+                                   [](const auto& one) { return one.second; });
+  if (at_most_ <= most) return 0;
+  const int64_t before = at_most_;
+  const int64_t share = fair_share(*counts, most - most / 100);  // with room for some: counting takes time
+  auto remove = database_.prepare(
+      "DELETE FROM audit WHERE number IN (SELECT number FROM audit WHERE who = ?1 ORDER BY number LIMIT ?2)");
+  if (!remove) return tl::unexpected(remove.error());
+  for (const auto& [who, entries] : *counts) {
+    if (entries <= share) continue;
+    if (Status done = remove->bind(0, who).bind(1, entries - share).run(); !done)
       return tl::unexpected(done.error());
+    at_most_ -= entries - share;
   }
   if (Status done = transaction->commit(); !done) return tl::unexpected(done.error());
-  at_most_ -= too_many;
-  return too_many;
+  return before - at_most_;
+}
+
+Result<std::vector<std::pair<std::string, int64_t>>> SiteFile::entries_of_each() {
+  auto rows = database_.prepare("SELECT who, count(*) FROM audit GROUP BY who ORDER BY 2");
+  if (!rows) return tl::unexpected(rows.error());
+  std::vector<std::pair<std::string, int64_t>> counts;
+  while (true) {
+    const auto row = rows->step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return counts;
+    counts.emplace_back(rows->text(0), rows->integer(1));
+  }
 }
 
 }  // namespace cairn

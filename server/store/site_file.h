@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -64,8 +67,8 @@ class SiteFile {
   [[nodiscard]] Status append(std::span<const AuditEntry> entries);
   /// The newest first.
   [[nodiscard]] Result<std::vector<AuditEntry>> find(const AuditQuery& query);
-  /// Removes the oldest where there are more than `most`: of clients' while those are more than half, since
-  /// a client may place labels day and night; how many went.
+  /// Removes the oldest of those who have most entries where there are more than `most`: who places labels
+  /// day and night pushes out nobody else's; how many went.
   [[nodiscard]] Result<int64_t> prune(int64_t most);
 
  private:
@@ -73,10 +76,12 @@ class SiteFile {
   [[nodiscard]] Result<std::optional<std::string>> text_in(const char* table);
   [[nodiscard]] Status put(const char* table, std::string_view text);
   [[nodiscard]] Status insert(std::span<const AuditEntry> entries);
+  /// Who has entries in the audit log, and how many, by rising number.
+  [[nodiscard]] Result<std::vector<std::pair<std::string, int64_t>>> entries_of_each();
 
   sqlite::Database database_;
-  int64_t at_most_ =
-      std::numeric_limits<int64_t>::max();  ///< entries of the audit log; the most: not counted yet
+  /// Entries of the audit log; the most: not counted yet.
+  int64_t at_most_ = std::numeric_limits<int64_t>::max();
 };
 
 }  // namespace cairn

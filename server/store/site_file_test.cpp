@@ -124,19 +124,20 @@ TEST_F(SiteFileTest, TheOldestGoFirstAndNumbersAreNotGivenAgain) {
   EXPECT_EQ(file.find({})->front().number, 11);
 }
 
-/// However many labels a client places: what operators did stays.
-TEST_F(SiteFileTest, EntriesOfClientsPushOutOnlyTheirOwnWhileTheyAreHalfOfAll) {
+/// However many labels a client places: what others did stays.
+TEST_F(SiteFileTest, WhoHasMostEntriesLosesTheOldest) {
   SiteFile file = open();
   const auto append = [&](int from, int until, const char* who) {
     for (int i = from; i <= until; ++i) ASSERT_TRUE(file.append(std::vector{entry(i, who, "label place")}));
   };
   append(1, 3, "operator ann");
-  append(4, 13, "client phone");
-  EXPECT_EQ(*file.prune(8), 5);
-  EXPECT_THAT(times(&file, {}), ElementsAre(13, 12, 11, 10, 9, 3, 2, 1));
-  append(14, 20, "operator ann");
+  append(4, 5, "client tablet");
+  append(6, 15, "client phone");
   EXPECT_EQ(*file.prune(8), 7);
-  EXPECT_THAT(times(&file, {}), ElementsAre(20, 19, 18, 17, 16, 15, 14, 13));
+  EXPECT_THAT(times(&file, {}), ElementsAre(15, 14, 13, 5, 4, 3, 2, 1));
+  append(16, 22, "operator ann");
+  EXPECT_EQ(*file.prune(8), 7);
+  EXPECT_THAT(times(&file, {}), ElementsAre(22, 21, 20, 15, 14, 13, 5, 4));
 }
 
 TEST_F(SiteFileTest, RightsThatWereChangedByAnotherHandAreDamaged) {

@@ -45,6 +45,12 @@ Status check_database(const fs::path& path, const Schema& schema) {
   return check_schema(&*database, schema, *version);
 }
 
+/// That the disk is full or may not be written says nothing of what is in the file.
+void note(const Error& error, FileCheck* found) {
+  error.code == ErrorCode::kIo ? found->not_checked = error.message
+                               : found->faults.emplace_back(error.message);
+}
+
 /// What the rows say of each other.
 std::vector<std::string> check_references(const StoredMap& map, FileCheck* found) {
   std::vector<std::string> faults;
@@ -67,9 +73,9 @@ std::vector<std::string> check_references(const StoredMap& map, FileCheck* found
 
 void check_map(const fs::path& path, FileInUse in_use, FileCheck* found) {
   auto file = MapFile::open(path, FileOrigin::kElsewhere, in_use);
-  if (!file) return found->faults.push_back(file.error().message);
+  if (!file) return note(file.error(), found);
   const auto as_of_now = file->read_as_of_now();
-  if (!as_of_now) return found->faults.push_back(as_of_now.error().message);
+  if (!as_of_now) return note(as_of_now.error(), found);
   const StoredMap map = file->load(LoadedImages::kDecodedOnly);
   found->name = map.header.name;
   found->labels = map.labels.size();
@@ -85,10 +91,9 @@ void check_map(const fs::path& path, FileInUse in_use, FileCheck* found) {
 }
 
 void check_catalogue(const fs::path& path, FileCheck* found) {
-  if (Status sound = check_database(path, catalogue_schema()); !sound)
-    return found->faults.push_back(sound.error().message);
+  if (Status sound = check_database(path, catalogue_schema()); !sound) return note(sound.error(), found);
   auto database = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
-  if (!database) return found->faults.push_back(database.error().message);
+  if (!database) return note(database.error(), found);
   std::vector<std::string> damage;
   read_rows(
       &*database, "server",
@@ -107,10 +112,9 @@ void check_catalogue(const fs::path& path, FileCheck* found) {
 }
 
 void check_site(const fs::path& path, const CheckRights& rights, FileCheck* found) {
-  if (Status sound = check_database(path, site_schema()); !sound)
-    return found->faults.push_back(sound.error().message);
+  if (Status sound = check_database(path, site_schema()); !sound) return note(sound.error(), found);
   auto file = SiteFile::open(path);
-  if (!file) return found->faults.push_back(file.error().message);
+  if (!file) return note(file.error(), found);
   const auto text = file->rights();
   Status sound = text ? Status() : tl::unexpected(text.error());
   if (sound && *text && rights) sound = rights(**text);
@@ -126,7 +130,7 @@ void check_site(const fs::path& path, const CheckRights& rights, FileCheck* foun
     if (!entries || entries->empty()) break;
     page.before_number = entries->back().number;
   }
-  if (!sound) found->faults.push_back(path.string() + ": " + sound.error().message);
+  if (!sound) note({sound.error().code, path.string() + ": " + sound.error().message}, found);
 }
 
 }  // namespace

@@ -18,7 +18,8 @@ struct FileCheck {
   std::string part;  ///< as below the store's folder: "maps/ID.cairnmap"
   std::string name;  ///< of a map, where it could be read
   size_t keyframes = 0, points = 0, labels = 0, tags = 0;
-  std::vector<std::string> faults;               ///< for a person; none: it is sound
+  std::string not_checked = {};                  ///< why: the disk is full, or the file may not be opened
+  std::vector<std::string> faults;               ///< for a person; none, and checked: it is sound
   std::vector<std::string> lost_proposals = {};  ///< likewise: of a map that is whole without them
   std::string remedy;                            ///< where there are any
 };

@@ -233,6 +233,33 @@ class TenMinutes(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stdout)
         for part in ("rights grant: client reader-1, all maps: read", "0 keyframes accepted", "on show until Friday", "revoked"):
             self.assertIn(part, done.stdout)
+        self.the_machine_is_lost(serving, shell)
+
+    def the_machine_is_lost(self, serving, shell):
+        """Its backup goes on with other keys, and the lost ones pass for no server any more."""
+        def told(words):
+            return subprocess.run(["bash", "-e", "-c", f"KEYS=cairn-keys/enclaves; {words}"], timeout=self.PATIENCE, **shell)
+        done = told("cairnctl --security $KEYS/operator/ann backup monday.tar; cp -r $KEYS/server/server lost-keys")
+        self.assertEqual(done.returncode, 0, done.stdout)
+        serving.terminate()
+        serving.wait(LIMIT)
+        text = HOW_TO.read_text()
+        text = text[text.index("\n**On another machine.**"):]
+        *lines, server = re.search(r"^```\n(.*?)\n```$", text, re.MULTILINE | re.DOTALL)[1].split("\n")
+        done = told("mv maps lost-maps; " + "; ".join(lines) + "; cp $KEYS/server/server-2/crl.pem $KEYS/operator/ann")
+        self.assertEqual(done.returncode, 0, done.stdout)
+        lost = "cairn-server --store lost-maps --security lost-keys"
+        for command_line, code in ((server, 0), (lost, NO_SERVER)):
+            serving = subprocess.Popen(["bash", "-c", f"exec {command_line}"], **shell)
+            self.addCleanup(serving.stdout.close)
+            try:
+                self.assertTrue(any("ready on" in line for line in serving.stdout))
+                threading.Thread(target=serving.stdout.read, daemon=True).start()
+                listed = told("cairnctl --security $KEYS/operator/ann maps")
+                self.assertEqual(listed.returncode, code, f"{command_line}: {listed.stdout}")
+            finally:
+                serving.terminate()
+                serving.wait(LIMIT)
 
 
 if __name__ == "__main__":
