@@ -56,6 +56,13 @@ std::string hex_of(const ASN1_INTEGER* number) {
   return hex;
 }
 
+/// PKCS7_verify() takes memory that it does not give back of several digests, or, where it cannot begin with
+/// a digest, of a text that lies in memory: those it is not shown.
+bool has_one_digest(const PKCS7& signature) {
+  return OBJ_obj2nid(signature.type) == NID_pkcs7_signed && signature.d.sign != nullptr &&
+         sk_X509_ALGOR_num(signature.d.sign->md_algs) == 1;
+}
+
 }  // namespace
 
 std::string crypto_error() {
@@ -104,17 +111,21 @@ Result<std::string> verify_document(const std::string& signed_text, X509& author
   const BioPtr in(BIO_new_mem_buf(signed_text.data(), static_cast<int>(signed_text.size())));
   BIO* content = nullptr;
   const std::unique_ptr<PKCS7, FreedBy<&PKCS7_free>> signature(SMIME_read_PKCS7(in.get(), &content));
-  const BioPtr text(content);
-  if (!signature || !text) return fail(ErrorCode::kConfiguration, "not a signed document: " + crypto_error());
+  BioPtr text(content);
+  if (!signature || !text || !has_one_digest(*signature))
+    return fail(ErrorCode::kConfiguration, "not a signed document: " + crypto_error());
   const std::unique_ptr<X509_STORE, FreedBy<&X509_STORE_free>> trusted(X509_STORE_new());
   const BioPtr out(BIO_new(BIO_s_mem()));
+  const BioPtr not_in_memory(BIO_new(BIO_f_null()));
+  if (not_in_memory) BIO_push(not_in_memory.get(), text.release());
   // Signers are looked for among the authorities alone: who brings a certificate of its own is not heard.
   const std::unique_ptr<STACK_OF(X509), FreedBy<[](STACK_OF(X509) * stack) { sk_X509_free(stack); }>> signers(
       sk_X509_new_null());
-  const bool is_verified = trusted && out && signers && sk_X509_push(signers.get(), &authority) > 0 &&
+  const bool is_verified = trusted && out && not_in_memory && signers &&
+                           sk_X509_push(signers.get(), &authority) > 0 &&
                            X509_STORE_add_cert(trusted.get(), &authority) == 1 &&
-                           PKCS7_verify(signature.get(), signers.get(), trusted.get(), text.get(), out.get(),
-                                        PKCS7_TEXT | PKCS7_NOINTERN) == 1;
+                           PKCS7_verify(signature.get(), signers.get(), trusted.get(), not_in_memory.get(),
+                                        out.get(), PKCS7_TEXT | PKCS7_NOINTERN) == 1;
   if (!is_verified)
     return fail(ErrorCode::kConfiguration, "not signed by its authority, or changed: " + crypto_error());
   char* begin = nullptr;
