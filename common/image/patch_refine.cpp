@@ -178,6 +178,18 @@ CAIRN_INLINE ResidualSums residual_sums(const PatchTemplate& patch, const Window
   return residual_sums_scalar(patch, window);
 }
 
+/// The first two rows of the inverse Hessian times the gradient, written out: Eigen adds up the three
+/// products of a row in another order where a processor has vectors of two floats (NEON) than where it has
+/// not (SSE).
+CAIRN_INLINE Eigen::Vector2f newton_step(const Eigen::Matrix3f& inverse_hessian, const ResidualSums& sums) {
+  const float x = 0.5F * sums.xr;
+  const float y = 0.5F * sums.yr;
+  const auto row = [&](int i) {
+    return inverse_hessian(i, 0) * x + (inverse_hessian(i, 1) * y + inverse_hessian(i, 2) * sums.r);
+  };
+  return {row(0), row(1)};
+}
+
 /// The window whose template pixel (4, 4) lies at (x, y); false unless its 11x11 pixels are in the image.
 CAIRN_INLINE bool place_window(const GrayView& image, const Eigen::Vector2f& position, Window* out) {
   // Compared as floats first: a diverged position may not fit an int, and NaN is inside of nothing.
@@ -203,8 +215,7 @@ std::optional<Eigen::Vector2f> kernels::refine_patch(const PatchTemplate& patch,
   bool is_inside = place_window(level_image, position, &window);
   for (int iteration = 0; is_inside && iteration < max_iterations; ++iteration) {
     const ResidualSums sums = residual_sums(patch, window, simd);
-    const Eigen::Vector3f gradient(0.5F * sums.xr, 0.5F * sums.yr, sums.r);
-    const Eigen::Vector2f step = patch.inverse_hessian.topRows<2>() * gradient;
+    const Eigen::Vector2f step = newton_step(patch.inverse_hessian, sums);
     position -= step;
     if (!((position - start).squaredNorm() <= max_shift * max_shift)) return std::nullopt;
     is_inside = place_window(level_image, position, &window);
