@@ -229,14 +229,14 @@ void SiteAccess::forget(const MapId& map, const std::string& map_name) {
 
 void SiteAccess::note(AuditEntry entry) {
   if (file_ == nullptr) return;
-  keep_entries(std::move(entry));
+  keep_entries([entry = std::move(entry)](std::vector<AuditEntry>* waiting) { waiting->push_back(entry); });
 }
 
-void SiteAccess::keep_entries(std::optional<AuditEntry> entry) {
+void SiteAccess::keep_entries(std::function<void(std::vector<AuditEntry>* waiting)> add) {
   is_keeping_ = true;
   kept_last_ = policy_->now();
-  const auto write = [this, file = file_, waiting = waiting_, log = log_, entry = std::move(entry)] {
-    if (entry) waiting->push_back(*entry);
+  const auto write = [this, file = file_, waiting = waiting_, log = log_, add = std::move(add)] {
+    add(waiting.get());
     const Status written = file->append(*waiting);
     if (written) {
       waiting->clear();
@@ -267,7 +267,10 @@ void SiteAccess::try_again() {
   constexpr int64_t kPause = 2'000'000'000;  // [ns]
   if (disk_trouble_.empty() || is_keeping_ || policy_->now().nanoseconds - kept_last_.nanoseconds < kPause)
     return;
-  keep_entries(std::nullopt);
+  // Where nothing waits (a change of rights was refused), only an entry can show that the disk takes one.
+  keep_entries([now = policy_->now()](std::vector<AuditEntry>* waiting) {
+    if (waiting->empty()) waiting->push_back({0, now, "server", "kept again", {}, "rights and audit log"});
+  });
 }
 
 std::string SiteAccess::trouble() const {

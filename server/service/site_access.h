@@ -96,8 +96,8 @@ class SiteAccess {
         log_(std::move(log)),
         next_expiry_(newest_.next_expiry(policy_->now())) {}
   void put_in_force(Rights rights);
-  /// Those that wait, and one more.
-  void keep_entries(std::optional<AuditEntry> entry);
+  /// Those that wait, and what `add` adds to them.
+  void keep_entries(std::function<void(std::vector<AuditEntry>* waiting)> add);
   void tell_of_disk(const Status& written);
 
   /// Changes that were each made of the one before: once one is not kept, none after it is. `is_broken` is

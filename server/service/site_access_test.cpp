@@ -331,6 +331,26 @@ TEST_F(SiteAccessTest, WhatTheDiskDoesNotTakeWaitsAndIsTold) {
   EXPECT_TRUE(of_executor_.empty()) << "nothing waits";
 }
 
+TEST_F(SiteAccessTest, AChangeThatTheDiskRefusedIsTroubleUntilTheDiskHasTakenSomething) {
+  const auto site = open(folder_);
+  change_file("ALTER TABLE rights RENAME TO away");
+  change_file("ALTER TABLE audit RENAME TO away_too");
+  put(site.get(), {{"verb", "rights-default"}, {"right", "read"}});
+  run();
+  EXPECT_THAT(site->trouble(), HasSubstr("rights and audit log cannot be kept"));
+  for (const bool is_mended : {false, true}) {
+    if (is_mended) {
+      change_file("ALTER TABLE away RENAME TO rights");
+      change_file("ALTER TABLE away_too RENAME TO audit");
+    }
+    now_.nanoseconds += 2 * kSecond;
+    site->try_again();
+    run();
+    EXPECT_EQ(site->trouble().empty(), is_mended) << site->trouble();
+  }
+  EXPECT_THAT(audit(site.get()), testing::Contains("server kept again rights and audit log"));
+}
+
 TEST_F(SiteAccessTest, WithoutAStoreRightsAreInMemoryAndThereIsNoLog) {
   const auto site = open({});
   put(site.get(), {{"verb", "rights-default"}, {"right", "read"}});
