@@ -11,6 +11,7 @@ import pathlib
 import re
 import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -33,15 +34,31 @@ def command(program, *arguments):
     return [str(BINARIES / program), *map(str, arguments)]
 
 
+def claim(domain):
+    """What keeps other tests off a domain as long as it is open; None: another test has it."""
+    claimed = socket.socket(socket.AF_UNIX)
+    try:
+        claimed.bind(f"\0cairn-test-domain-{domain}")
+    except OSError:
+        claimed.close()
+        return None
+    return claimed
+
+
 class ServerProcess:
-    """In the first domain that is free."""
+    """In the first domain that is free. It stays this test's while the server is down: another's would answer its clients."""
 
     def __init__(self, *arguments):
         self.arguments = arguments
+        self.said = "others have all domains"
         for domain in range(FIRST_DOMAIN, FIRST_DOMAIN + DOMAINS):
             self.domain = domain
+            self.claim = claim(domain)
+            if self.claim is None:
+                continue
             if self.start():
                 return
+            self.claim.close()
         raise RuntimeError("no server starts: " + self.said)
 
     def start(self):
@@ -80,6 +97,7 @@ class ServerProcess:
         self.process.wait(timeout=LIMIT)
         self.reader.join(timeout=LIMIT)
         self.process.stderr.close()
+        self.claim.close()
 
 
 @contextlib.contextmanager
