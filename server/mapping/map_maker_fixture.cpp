@@ -55,7 +55,7 @@ SE3 motion_between(const SeedInput& input, const SE3& true_motion) {
 }
 
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
-  return make_offer(scene, s, step, scene.render(Scene::pose(step), static_cast<uint64_t>(step)));
+  return make_offer(scene, s, step, scene.view(step));
 }
 
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step, GrayImagePtr image) {
@@ -99,6 +99,27 @@ KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step, Gra
     }
   }
   return offer;
+}
+
+const Scene& two_planes() {
+  static const Scene scene(11);
+  return scene;
+}
+
+const SeedInput& seed_of_two_planes() {
+  static const SeedInput seed = [] {
+    const Scene& scene = two_planes();
+    SeedInput input;
+    input.map_name = "two planes";
+    input.epoch = Epoch{1};
+    input.camera = scene.camera();
+    input.first_image = scene.view(0);
+    input.second_image = scene.view(kSecondStep);
+    input.trails = make_trails(scene, *input.first_image, Scene::pose(0), Scene::pose(kSecondStep));
+    input.second_from_first = motion_between(input, Scene::pose(kSecondStep) * Scene::pose(0).inverse());
+    return input;
+  }();
+  return seed;
 }
 
 std::vector<uint8_t> bytes_of(const MapSnapshot& s) {

@@ -28,22 +28,17 @@ inline const auto kNeverYield = [] { return false; };
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step,
                                        GrayImagePtr image);
 
+/// The scene that a fixture's map is of, and that map's seed. Under sanitizers, where many cases share a
+/// process, to render it takes most of the time, so they share it.
+[[nodiscard]] const Scene& two_planes();
+[[nodiscard]] const SeedInput& seed_of_two_planes();
+
 /// The bytes of everything in a snapshot that is made of numbers.
 [[nodiscard]] std::vector<uint8_t> bytes_of(const MapSnapshot& s);
 
 /// A map of Scene as it is made: seed, offers, work.
 class MapMakerFixture : public ::testing::Test {
  protected:
-  MapMakerFixture() : scene_(11) {
-    input_.map_name = "two planes";
-    input_.epoch = Epoch{1};
-    input_.camera = scene_.camera();
-    input_.first_image = scene_.render(Scene::pose(0), 0);
-    input_.second_image = scene_.render(Scene::pose(kSecondStep), kSecondStep);
-    input_.trails = make_trails(scene_, *input_.first_image, Scene::pose(0), Scene::pose(kSecondStep));
-    input_.second_from_first = motion_between(input_, Scene::pose(kSecondStep) * Scene::pose(0).inverse());
-  }
-
   void start() {
     auto started = MapMaker::start(input_, options_);
     ASSERT_TRUE(started) << started.error().message;
@@ -95,8 +90,8 @@ class MapMakerFixture : public ::testing::Test {
     return maker_->adopt(*problem);
   }
 
-  Scene scene_;
-  SeedInput input_;
+  const Scene& scene_ = two_planes();
+  SeedInput input_ = seed_of_two_planes();
   MapMakerOptions options_;
   std::unique_ptr<MapMaker> maker_;
   SeedResult seed_;

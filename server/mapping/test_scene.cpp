@@ -13,6 +13,8 @@ constexpr int kTexels = 1024;
 constexpr double kTexelsPerMetre = 500;
 constexpr double kBoardLeft = 0.02;
 constexpr double kBoardRight = 0.35;
+constexpr double kSubpixels[2] = {-0.25, 0.25};
+constexpr int kSamples = 4;  ///< of a pixel
 
 /// The front plane: a board.
 bool on_board(const Eigen::Vector3d& p) {
@@ -98,24 +100,39 @@ float Scene::texture(const Hit& hit) const {
   return bilinear(textures_[static_cast<size_t>(hit.plane)], texel(hit.point.x()), texel(hit.point.y()));
 }
 
+const std::vector<Eigen::Vector3d>& Scene::rays() const {
+  std::call_once(views_->rays_made, [this] {
+    for (int y = 0; y < camera_->height(); ++y) {
+      for (int x = 0; x < camera_->width(); ++x) {
+        for (const double dy : kSubpixels)
+          for (const double dx : kSubpixels) views_->rays.push_back(camera_->unproject({x + dx, y + dy}));
+      }
+    }
+  });
+  return views_->rays;
+}
+
 GrayImagePtr Scene::render(const SE3& camera_from_world, uint64_t frame) const {
-  constexpr double kSubpixels[2] = {-0.25, 0.25};
   std::mt19937_64 engine(frame + 1000);
   std::normal_distribution<float> noise(0, 1.5F);
   auto image = std::make_shared<GrayImage>(camera_->width(), camera_->height());
   const SE3 world_from_camera = camera_from_world.inverse();
+  auto ray = rays().begin();
   for (int y = 0; y < image->height(); ++y) {
     for (int x = 0; x < image->width(); ++x) {
       float sum = 0;
-      for (const double dy : kSubpixels) {
-        for (const double dx : kSubpixels) {
-          const Eigen::Vector3d ray = world_from_camera.rotation() * camera_->unproject({x + dx, y + dy});
-          sum += texture(trace(world_from_camera.translation(), ray));
-        }
-      }
+      for (int sample = 0; sample < kSamples; ++sample)
+        sum += texture(trace(world_from_camera.translation(), world_from_camera.rotation() * *ray++));
       image->row(y)[x] = static_cast<uint8_t>(std::clamp(0.25F * sum + noise(engine), 0.0F, 255.0F));
     }
   }
+  return image;
+}
+
+GrayImagePtr Scene::view(int step) const {
+  const std::lock_guard lock(views_->mutex);
+  GrayImagePtr& image = views_->of_step[step];
+  if (!image) image = render(pose(step), static_cast<uint64_t>(step));
   return image;
 }
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -31,6 +33,8 @@ class Scene {
   /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that
   /// depends on `frame`.
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_world, uint64_t frame) const;
+  /// The same at a step, whose number is the frame's. It is rendered once. Any thread.
+  [[nodiscard]] GrayImagePtr view(int step) const;
   /// Where the ray through a pixel meets the scene, world frame.
   [[nodiscard]] Eigen::Vector3d hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const;
   /// Whether nothing stands between a camera and a point of the scene.
@@ -46,7 +50,18 @@ class Scene {
   [[nodiscard]] Hit trace(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
   [[nodiscard]] float texture(const Hit& hit) const;
 
+  /// What is the same for all who look: the ray of each sample of an image, and images that have been
+  /// rendered.
+  struct Views {
+    std::once_flag rays_made;
+    std::vector<Eigen::Vector3d> rays;
+    std::mutex mutex;
+    std::map<int, GrayImagePtr> of_step;
+  };
+  [[nodiscard]] const std::vector<Eigen::Vector3d>& rays() const;
+
   CameraPtr camera_;
+  std::shared_ptr<Views> views_ = std::make_shared<Views>();  ///< a copy sees the same
   std::array<std::vector<float>, 2> textures_;
 };
 

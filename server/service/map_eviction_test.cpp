@@ -81,7 +81,7 @@ TEST_F(IdleMapTest, IsFoundAndPosesAreAsBefore) {
     MapRevision now = map->newest();
     runner->report(now.snapshot, std::move(now.views), std::move(now.indexed));
   };
-  const auto image = scene_.render(testing::Scene::pose(6), 6);
+  const auto image = scene_.view(6);
   const auto ask = [&] {
     return answer_to<RelocalizationAnswer>(
         [&](auto done) { runner->ask(query(scene_.camera(), *image), std::move(done)); });

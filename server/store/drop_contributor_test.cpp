@@ -88,7 +88,7 @@ class DropContributor : public testing::KeptMapFixture {
     r.camera = input_.camera->parameters();
     for (const Measurement& m : seen->measurements)
       r.measurements.push_back({m.point, m.level, m.pixel.cast<float>()});
-    made.image = encode_image_row(*scene_.render(testing::Scene::pose(8), 8));
+    made.image = encode_image_row(*scene_.view(8));
     return made;
   }
   void expect_sound(size_t keyframes) {

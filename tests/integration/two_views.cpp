@@ -56,7 +56,7 @@ Frame make_offer(const Scene& scene, const MapSnapshot& map, int step) {
   const SE3 camera_from_map = camera_from_second * second.camera_from_map;
 
   Frame frame;
-  frame.image = scene.render(Scene::pose(step), static_cast<uint64_t>(step));
+  frame.image = scene.view(step);
   frame.proposal.map = map.map;
   frame.proposal.epoch = map.epoch;
   frame.proposal.revision = map.revision;
