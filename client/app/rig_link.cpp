@@ -93,8 +93,17 @@ void RigLink::run() {
     turn();
 }
 
-/// States come faster than orders go. A stop does not wait until one is due.
+/// Whatever was wrong with one exchange, the rig waits for the next order.
 void RigLink::turn() {
+  try {
+    exchange();
+  } catch (const std::exception& error) {
+    if (warning_.due()) log_->error("rig {}: {}", rig_, error.what());
+  }
+}
+
+/// States come faster than orders go. A stop does not wait until one is due.
+void RigLink::exchange() {
   const auto end = steady_clock::now() + kPeriod;
   const auto is_urgent = [this] {
     return with([](RigCommander& commander) { return commander.is_urgent(); });

@@ -13,6 +13,7 @@
 #include "client/rig/commander.h"
 #include "client/rig/imu_receiver.h"
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/base/result.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
@@ -66,6 +67,7 @@ class RigLink final : public FrameObserver {
           wire::Waiter waiter);
   void run();
   void turn();
+  void exchange();
   void hear(const wire::RigState& state);
 
   const std::string rig_;
@@ -75,6 +77,7 @@ class RigLink final : public FrameObserver {
   wire::Writer<wire::TrackerStateMessage> poses_;
   wire::Reader<wire::RigState> states_;
   wire::Waiter waiter_;
+  RateLimit warning_;  ///< of the thread
   ImuQueue imu_;
   ImuReceiver imu_receiver_{imu_};  ///< of the thread
   std::mutex mutex_;

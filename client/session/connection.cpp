@@ -138,18 +138,25 @@ void Connection::watch() {
   std::unique_lock lock(mutex_);
   while (!for_watch_.wait_for(lock, kLookInterval, [this] { return closing_; })) {
     lock.unlock();
-    const bool silent = is_silent();
-    if (!silent) path_watch_->heard();
-    if (silent && was_silent) {
-      const PathWatch::Advice advice = path_watch_->compare(find_path_(options_));
-      if (!advice.text.empty()) log_->warn("{}", advice.text);
-      const bool has_renewed = has_newer_keys();
-      if (has_renewed) log_->info("the keys of {} were renewed: joining anew with them", options_.security);
-      if (advice.join_anew || has_renewed) join_anew();
+    try {
+      const bool silent = is_silent();
+      if (!silent) path_watch_->heard();
+      if (silent && was_silent) look_for_a_way();
+      was_silent = silent;
+    } catch (const std::exception& error) {  // the tracker goes on in the map that it has
+      if (warning_.due()) log_->error("joining the server anew failed: {}", error.what());
     }
-    was_silent = silent;
     lock.lock();
   }
+}
+
+/// The server is silent: by another network, or with keys that were renewed, it may be heard.
+void Connection::look_for_a_way() {
+  const PathWatch::Advice advice = path_watch_->compare(find_path_(options_));
+  if (!advice.text.empty()) log_->warn("{}", advice.text);
+  const bool has_renewed = has_newer_keys();
+  if (has_renewed) log_->info("the keys of {} were renewed: joining anew with them", options_.security);
+  if (advice.join_anew || has_renewed) join_anew();
 }
 
 }  // namespace cairn

@@ -13,6 +13,7 @@
 #include "client/session/sender.h"
 #include "client/session/shared_core.h"
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
 
 namespace cairn {
@@ -55,6 +56,7 @@ class Connection {
   void take_down();
   void join_anew();
   void watch();
+  void look_for_a_way();
   [[nodiscard]] bool is_silent() const;
   /// Of a secured site: whether its folder has keys that are good for longer than those we joined with.
   [[nodiscard]] bool has_newer_keys();
@@ -75,6 +77,7 @@ class Connection {
   wire::NetworkPath path_;  ///< the last one joined on
 
   std::unique_ptr<PathWatch> path_watch_;  ///< of the thread
+  RateLimit warning_;                      ///< of the thread
   std::thread thread_;
 };
 

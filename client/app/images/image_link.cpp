@@ -131,10 +131,14 @@ void ImageLink::run() {
       is_busy = is_busy || !choice_.chosen().empty();
     }
     (void)waiter_.wait(is_busy ? kBusy : kIdle);
-    listen();
-    ask();
-    send();
-    tell();
+    try {
+      listen();
+      ask();
+      send();
+      tell();
+    } catch (const std::exception& error) {  // an image that cannot be drawn must not end the tracker
+      if (warning_.due()) log_->error("images of the wearer's cameras: {}", error.what());
+    }
   }
 }
 

@@ -17,6 +17,7 @@
 #include "client/app/overlay.h"
 #include "client/app/stats.h"
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
@@ -95,7 +96,8 @@ class ImageLink final : public FrameObserver {
   std::vector<std::string> askers_;  ///< as told
   MonotonicTime asked_since_;
   size_t sent_before_ = 0;
-  std::string said_;    ///< of the view
+  std::string said_;  ///< of the view
+  RateLimit warning_;
   std::thread thread_;  ///< last: it uses all the above
 };
 

@@ -4,9 +4,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 #include <unistd.h>
 
 #include <functional>
+#include <sstream>
 
 #include "client/app/viewer/test_map.h"
 #include "common/wire/log_redirect.h"
@@ -22,8 +24,8 @@ class ImageLinkTest : public ::testing::Test {
  protected:
   /// A frame of a camera's every so often, until something is so.
   bool frames_until(ImageLink& camera, const std::function<bool()>& predicate,
-                    std::chrono::milliseconds limit = 20s) {
-    const auto image = std::make_shared<const GrayImage>(640, 480);
+                    std::chrono::milliseconds limit = 20s, cv::Size size = {640, 480}) {
+    const auto image = std::make_shared<const GrayImage>(size.width, size.height);
     const auto deadline = std::chrono::steady_clock::now() + limit;
     while (!predicate()) {
       if (std::chrono::steady_clock::now() > deadline) return false;
@@ -38,8 +40,9 @@ class ImageLinkTest : public ::testing::Test {
     }
     return true;
   }
-  [[nodiscard]] std::unique_ptr<ImageLink> open(const std::string& wearer, const std::string& name) const {
-    return ImageLink::open({wearer, name, domain_}, testing::test_camera(), null_logger()).value();
+  [[nodiscard]] std::unique_ptr<ImageLink> open(const std::string& wearer, const std::string& name,
+                                                Logger log = null_logger()) const {
+    return ImageLink::open({wearer, name, domain_}, testing::test_camera(), std::move(log)).value();
   }
 
   const wire::LogRedirect quiet_{null_logger()};
@@ -78,6 +81,24 @@ TEST_F(ImageLinkTest, ImagesComeWhileTheyAreAskedForAndNotAfter) {
   EXPECT_LE(static_cast<double>(before), 2 + 10 * std::chrono::duration<double>(asked_for).count());
   EXPECT_GT(shoulder->summary().cpu, 0ns);
   EXPECT_EQ(hand->summary().cpu, 0ns) << "nobody asked for its images";
+}
+
+TEST_F(ImageLinkTest, AnImageThatCannotBeDrawnIsToldAndTheNextOneIsSent) {
+  std::ostringstream said;
+  const auto hand = open("ada", "hand");
+  const auto shoulder =
+      open("ada", "shoulder",
+           std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(said)));
+  hand->choose("shoulder");
+  ASSERT_TRUE(frames_until(*shoulder, [&] { return hand->summary().received > 0; }));
+  const size_t before = shoulder->summary().sent;
+  EXPECT_FALSE(
+      frames_until(*shoulder, [&] { return shoulder->summary().sent > before + 2; }, 500ms, {100, 100}))
+      << "images of another size than the camera's";
+  const size_t received = hand->summary().received;
+  EXPECT_TRUE(frames_until(*shoulder, [&] { return hand->summary().received > received + 2; }));
+  shoulder->close();
+  EXPECT_THAT(said.str(), ::testing::HasSubstr("images of the wearer's cameras: "));
 }
 
 TEST_F(ImageLinkTest, AViewerThatEndsAsksNoMoreAndACameraThatEndsHasGone) {
