@@ -125,7 +125,7 @@ void print_limits(const json& status) {
   const json limits = status.value("limits", json::object());
   const uint64_t idle_after = count_of(limits, "rest_after_s");
   std::printf("maps     %" PRIu64 " of %" PRIu64 " (--max-maps), %" PRIu64
-              " of them idle (--rest-after: %s)\n",
+              " of them idle (--idle-after: %s)\n",
               count_of(status, "maps"), count_of(limits, "maps"), count_of(status, "maps_at_rest"),
               idle_after > 0 ? (std::to_string(idle_after) + " s").c_str() : "never");
   std::printf("memory   %.1f of %.1f MB (--max-memory)\n", status.value("memory_bytes", 0.0) * 1e-6,

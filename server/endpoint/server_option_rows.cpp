@@ -134,23 +134,21 @@ const ServerOptionRow kRows[] = {
      "keyframes a second that one client may offer in the long run, and 300 at once; 0: no limit [5]",
      kFromZero, [](Text text, Options* o) { return read_rate(text, &o->rates.keyframes); },
      [](const Options& o) { return write_number(o.rates.keyframes); }},
-    {"question-rate", "N",
-     "relocalization queries a second that one client may ask in the long run, and 100 at once; 0: no limit "
+    {"query-rate", "N",
+     "relocalization queries a second that one client may make in the long run, and 100 at once; 0: no limit "
      "[20]",
      kFromZero, [](Text text, Options* o) { return read_rate(text, &o->rates.queries); },
-     [](const Options& o) { return write_number(o.rates.queries); }},
+     [](const Options& o) { return write_number(o.rates.queries); }, /*depends=*/false, "question-rate"},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", kAnyWord,
      [](Text text, Options* o) { return take(text, &o->store); }, [](const Options& o) { return o.store; }},
-    {"rest-after", "SECONDS",
+    {"idle-after", "SECONDS",
      "with --store, images of a map that nobody has worked on for so long are evicted from memory until "
-     "somebody "
-     "does; 0: never [60]",
+     "somebody does; 0: never [60]",
      kSecondsFromZero, [](Text text, Options* o) { return read_seconds(text, &o->idle_after); },
-     [](const Options& o) { return write_number(o.idle_after.count()); }},
+     [](const Options& o) { return write_number(o.idle_after.count()); }, /*depends=*/false, "rest-after"},
     {"drop-after", "SECONDS",
      "a map that its maker loses within a second, and in which nobody is found again, is deleted when its "
-     "maker has "
-     "been elsewhere for so long; 0: never [10]",
+     "maker has been elsewhere for so long; 0: never [10]",
      kSecondsFromZero, [](Text text, Options* o) { return read_seconds(text, &o->drop_after); },
      [](const Options& o) { return write_number(o.drop_after.count()); }},
     {"keep-deleted", "DAYS",
@@ -161,8 +159,7 @@ const ServerOptionRow kRows[] = {
      [](const Options& o) { return write_number(o.keep_deleted.count() / 24); }},
     {"lockstep", "allow|refuse",
      "whether trackers may run with --pace lockstep, in which the server finishes all work of a map before "
-     "it "
-     "answers: for repeatable runs, at the cost of all others [allow with profile loopback, else refuse]",
+     "it answers: for repeatable runs, at the cost of all others [allow with profile loopback, else refuse]",
      "expected allow or refuse",
      [](Text text, Options* o) { return read_choice(text, "allow", true, "refuse", false, &o->lockstep); },
      [](const Options& o) -> std::string { return o.lockstep ? "allow" : "refuse"; }, /*depends=*/true},

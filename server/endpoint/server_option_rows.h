@@ -21,6 +21,8 @@ struct ServerOptionRow {
   std::string (*write)(const ServerOptions& options);
   /// Where it is not given, the value depends on another option or on the machine.
   bool depends = false;
+  /// By which it went before, and still does on the line and in files. Null: none.
+  const char* older_name = nullptr;
 };
 
 /// In the order of --help.

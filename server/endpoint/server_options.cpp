@@ -36,8 +36,25 @@ constexpr const char* kFooter =
 
 std::vector<std::string> option_names() {
   std::vector<std::string> names;
-  for (const ServerOptionRow& row : server_option_rows()) names.emplace_back(row.name);
+  for (const ServerOptionRow& row : server_option_rows()) {
+    names.emplace_back(row.name);
+    if (row.older_name != nullptr) names.emplace_back(row.older_name);
+  }
   return names;
+}
+
+/// Older names become today's. Errors: kConfiguration, where a file has both.
+Status rename_older(ConfigurationWords* words) {
+  for (const ServerOptionRow& row : server_option_rows()) {
+    const auto older = row.older_name != nullptr ? words->find(row.older_name) : words->end();
+    if (older == words->end()) continue;
+    if (words->contains(row.name))
+      return fail(ErrorCode::kConfiguration,
+                  fmt::format("{} and {} are one option", row.name, row.older_name));
+    words->emplace(row.name, std::move(older->second));
+    words->erase(row.older_name);
+  }
+  return {};
 }
 
 /// The constants that a configuration file may set, by heading.
@@ -86,6 +103,8 @@ std::variant<Merged, EarlyExit> merge(const ConfigurationWords& from_line, const
   if (!config.empty()) {
     auto from_file = read_configuration(config, option_names(), engines_of(&options));
     if (!from_file) return complaint(kConfigurationExit, from_file.error().message);
+    if (const auto renamed = rename_older(&*from_file); !renamed)
+      return complaint(kConfigurationExit, config + ": " + renamed.error().message);
     // Judged by itself, so that the complaint tells where the mistake is.
     ServerOptions by_itself;
     if (const auto judged = translate(*from_file, &by_itself); !judged)
@@ -147,8 +166,9 @@ std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::str
                "prints all settings as --config reads them, the engines' constants included, and ends");
   for (const ServerOptionRow& row : server_option_rows()) {
     const std::string help = row.read != nullptr ? row.help : std::string(row.help) + " (not available yet)";
+    const std::string older = row.older_name != nullptr ? std::string(",--") + row.older_name : "";
     app.add_option_function<std::string>(
-           std::string("--") + row.name,
+           std::string("--") + row.name + older,
            [&words, &row](const std::string& value) { words[row.name] = value; }, help)
         ->type_name(row.type);
   }

@@ -76,7 +76,7 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512", "--stats", "server.json"});
   EXPECT_EQ(options.stats, "server.json");
   const ServerOptions limited = accepted({"--max-maps-per-client=7", "--max-keyframes=50", "--max-labels=20",
-                                          "--keyframe-rate=0.5", "--question-rate=0"});
+                                          "--keyframe-rate=0.5", "--query-rate=0"});
   EXPECT_EQ(limited.max_maps_per_client, 7U);
   EXPECT_EQ(limited.max_keyframes, 50U);
   EXPECT_EQ(limited.max_labels, 20U);
@@ -96,11 +96,24 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   }
 }
 
-TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
-  EXPECT_EQ(accepted({}).idle_after, std::chrono::seconds(60));
+TEST_F(ServerOptionsTest, OlderNamesOfOptionsStillGoButNotBesideTheNewOnes) {
   EXPECT_EQ(accepted({"--rest-after", "5"}).idle_after, std::chrono::seconds(5));
-  EXPECT_EQ(accepted({"--rest-after=0"}).idle_after, std::chrono::seconds(0));
-  for (const char* none : {"-1", "soon", "5000000000"}) EXPECT_EQ(refused({"--rest-after", none}).code, 2);
+  const auto path = directory_.path() / "older.yaml";
+  std::ofstream(path) << "question-rate: 3\nrest-after: 7\n";
+  const ServerOptions options = accepted({"--config", path, "--idle-after", "9"});
+  EXPECT_EQ(options.rates.queries, 3);
+  EXPECT_EQ(options.idle_after, std::chrono::seconds(9)) << "the line wins";
+  std::ofstream(path, std::ios::app) << "idle-after: 8\n";
+  const EarlyExit both = refused({"--config", path});
+  EXPECT_EQ(both.code, 3);
+  EXPECT_THAT(both.text, HasSubstr("idle-after and rest-after are one option"));
+}
+
+TEST_F(ServerOptionsTest, MapsAreIdleAfterAMinuteUnlessToldOtherwise) {
+  EXPECT_EQ(accepted({}).idle_after, std::chrono::seconds(60));
+  EXPECT_EQ(accepted({"--idle-after", "5"}).idle_after, std::chrono::seconds(5));
+  EXPECT_EQ(accepted({"--idle-after=0"}).idle_after, std::chrono::seconds(0));
+  for (const char* none : {"-1", "soon", "5000000000"}) EXPECT_EQ(refused({"--idle-after", none}).code, 2);
   EXPECT_EQ(accepted({}).drop_after, std::chrono::seconds(10));
   EXPECT_EQ(accepted({"--drop-after", "0"}).drop_after, std::chrono::seconds(0));
   for (const char* none : {"-1", "soon"}) EXPECT_EQ(refused({"--drop-after", none}).code, 2);
@@ -238,12 +251,12 @@ TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
 TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* word : {"Examples:",    "--config",        "--store",         "--domain",
-                           "--listen",     "--profile",       "--security",      "--http",
-                           "--seed",       "--max-maps",      "--max-memory",    "--max-keyframes",
-                           "--max-labels", "--keyframe-rate", "--question-rate", "--relocalizer",
-                           "--rest-after", "--drop-after",    "--keep-deleted",  "--wearer-rule",
-                           "--wearers",    "--stats",         "--lockstep",      "--max-maps-per-client"}) {
+  for (const char* word : {"Examples:",    "--config",        "--store",        "--domain",
+                           "--listen",     "--profile",       "--security",     "--http",
+                           "--seed",       "--max-maps",      "--max-memory",   "--max-keyframes",
+                           "--max-labels", "--keyframe-rate", "--query-rate",   "--relocalizer",
+                           "--idle-after", "--drop-after",    "--keep-deleted", "--wearer-rule",
+                           "--wearers",    "--stats",         "--lockstep",     "--max-maps-per-client"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -95,8 +95,8 @@ void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& o
         fmt::format("points in few parts of the image only ({} of {})", result->occupied_cells, kImageCells);
   } else if (!looks_right && !does_the_rest_stand(options, *result)) {
     result->reason = fmt::format(
-        "{} of {} corners and points that meet look alike, the image by {:.2f}, {:.2f} of what moved "
-        "together agrees: {:.2f} in all; corners agree in {} of {} parts, {} parts show something else",
+        "{} of {} possible matches are found, image similarity {:.2f}, {:.2f} of what moved together agrees: "
+        "evidence {:.2f}; corners agree in {} of {} cells, {} cells are inconsistent",
         result->inliers, result->met, result->similarity, unity(*result), evidence(*result),
         result->agreeing_cells, kImageCells, result->inconsistent_cells);
   } else {
@@ -144,7 +144,7 @@ Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedM
   result->order = rough.order;
   if (evidence(*result) >= options.least_evidence && rough.local >= options.least_similarity) return {};
   return fail(ErrorCode::kDegenerate,
-              fmt::format("{} corners agree on a pose by which the image is alike by {:.2f}: {:.2f} in all",
+              fmt::format("{} corners agree on a pose of image similarity {:.2f}: evidence {:.2f}",
                           result->agreeing, rough.local, evidence(*result)));
 }
 
@@ -189,7 +189,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   Confirmation result;
   if (prefilter.supported == 0) {
     result.matches = static_cast<int>(prefilter.distinct);
-    result.reason = fmt::format("none of {} corners alike lies as it does there", result.matches);
+    result.reason = fmt::format("none of {} matched corners lies as it does there", result.matches);
     return result;
   }
   const auto matches = match_closer(view, cells, map, keyframe, prefilter, options.match);
@@ -198,7 +198,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.supported = static_cast<int>(supported.size());
   for (const PlaceMatch& m : supported) result.explained.push_back(explain(view, camera, m));
   if (result.supported < options.min_supported) {
-    result.reason = fmt::format("{} of {} corners alike lie as they do there, {} needed", result.supported,
+    result.reason = fmt::format("{} of {} matched corners lie as they do there, {} needed", result.supported,
                                 result.matches, options.min_supported);
     return result;
   }

@@ -44,7 +44,7 @@ std::string ClientRates::why(Kind kind) const {
       return fmt::format("too many keyframes: the server takes {:g} a second of one client (--keyframe-rate)",
                          limits_.keyframes);
     case Kind::kQuery:
-      return fmt::format("too many queries: the server answers {:g} a second of one client (--question-rate)",
+      return fmt::format("too many queries: the server answers {:g} a second of one client (--query-rate)",
                          limits_.queries);
     case Kind::kSeed:
       return fmt::format("too many maps begun: the server takes {:g} a second of one client", kSeeds);

@@ -20,9 +20,10 @@ std::string describe(const RelocalizationAnswer& answer) {
           ? *std::max_element(answer.candidates.begin(), answer.candidates.end(),
                               [](const auto& a, const auto& b) { return a.inliers < b.inliers; })
           : answer.candidates.front();
-  return fmt::format("map {}, keyframe {}, {} corners alike, {} of {} points found, {} tried{}{}",
-                     to_hex(best.map.bytes).substr(0, 8), best.keyframe.value, best.matches, best.inliers,
-                     best.expected, answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
+  return fmt::format(
+      "map {}, keyframe {}, {} matched corners, {} of {} points found, {} keyframes verified{}{}",
+      to_hex(best.map.bytes).substr(0, 8), best.keyframe.value, best.matches, best.inliers, best.expected,
+      answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
 }
 
 /// Of an answer, what is not of these maps.

@@ -179,7 +179,7 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
   for (int cycle = 0; cycle < cycles(); ++folders) {
     const bool evicts = folders % 2 == 1;
     const TestDirectory folder;
-    const std::vector<std::string> arguments{"--store", folder.path().string(), "--rest-after",
+    const std::vector<std::string> arguments{"--store", folder.path().string(), "--idle-after",
                                              evicts ? "1" : "60"};
     auto server = std::make_unique<ServerProcess>(0, arguments);
     std::array<Builder, 2> builders{Builder(scene, server->domain(), "anna"),

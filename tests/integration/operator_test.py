@@ -68,11 +68,11 @@ class Operator(OnTheDesk):
         self.assertEqual(status["store"], str(self.folder / "store"))
         self.assertEqual((status["limits"]["maps"], status["limits"]["rest_after_s"]), (1000, 60))
         self.assertGreater(status["limits"]["memory_bytes"], status["memory_bytes"])
-        with ServerProcess("--max-maps", 3, "--max-memory", 20, "--rest-after", 7) as server:
+        with ServerProcess("--max-maps", 3, "--max-memory", 20, "--idle-after", 7) as server:
             self.assertEqual(self.ctl("status", server=server)["limits"], {"maps": 3, "memory_bytes": 20_000_000, "rest_after_s": 0},
                              "what is kept nowhere else is not evicted")
             said = self.say("status", server=server)
-            self.assertIn("maps     0 of 3 (--max-maps), 0 of them idle (--rest-after: never)", said)
+            self.assertIn("maps     0 of 3 (--max-maps), 0 of them idle (--idle-after: never)", said)
             self.assertIn("memory   0.0 of 20.0 MB (--max-memory)", said)
             for what in ("maps", "labels"):
                 self.assertEqual(self.say_both(what, server=server), ("", f"cairnctl: no {what}\n"))
@@ -345,7 +345,7 @@ class Operator(OnTheDesk):
 
     def test_maps_that_nobody_works_on_rest(self):
         store = self.folder / "idle"
-        with ServerProcess("--store", store, "--rest-after", 1) as server:
+        with ServerProcess("--store", store, "--idle-after", 1) as server:
             self.render_half()
             self.track(server, "maker", "--pace", "lockstep", recording="half")
             made = self.wait_for_rest(server)
@@ -362,7 +362,7 @@ class Operator(OnTheDesk):
 
     def test_an_idle_map_that_cannot_be_read_back_is_served_as_it_was(self):
         store = self.folder / "unreadable"
-        with ServerProcess("--store", store, "--rest-after", 1) as server:
+        with ServerProcess("--store", store, "--idle-after", 1) as server:
             self.render_half()
             self.track(server, "maker", "--pace", "lockstep", recording="half")
             made = self.wait_for_rest(server)
@@ -375,18 +375,18 @@ class Operator(OnTheDesk):
 
     def test_an_idle_map_is_paged_in_only_where_there_is_memory_for_its_images(self):
         store = self.folder / "little-memory"
-        with ServerProcess("--store", store, "--rest-after", 1) as server:
+        with ServerProcess("--store", store, "--idle-after", 1) as server:
             self.render_half()
             self.track(server, "maker", "--pace", "lockstep", recording="half")
             made = self.wait_for_rest(server)
         enough_while_idle = made["memory_bytes"] // 1_000_000 + 1
-        with ServerProcess("--store", store, "--rest-after", 1, "--max-memory", enough_while_idle) as server:
+        with ServerProcess("--store", store, "--idle-after", 1, "--max-memory", enough_while_idle) as server:
             stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
             there = self.map_1(server)
             self.assertTrue(there["at_rest"])
             self.assertEqual(there["keyframes"], made["keyframes"])
-        with ServerProcess("--store", store, "--rest-after", 0, "--max-memory", 10 * enough_while_idle) as server:
+        with ServerProcess("--store", store, "--idle-after", 0, "--max-memory", 10 * enough_while_idle) as server:
             self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreater(self.map_1(server)["keyframes"], made["keyframes"])
 
