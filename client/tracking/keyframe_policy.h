@@ -8,8 +8,8 @@ namespace cairn {
 
 struct KeyframePolicyOptions {
   int frames_between = 20;  ///< [frames] between two offers (PTAM r114)
-  double shortest_wait =
-      0.1;  ///< of these frames, far beyond the distance: a camera that moves fast would run out of its map
+  /// Of these frames, far beyond the distance: a camera that moves fast would run out of its map.
+  double shortest_wait = 0.1;
   double distance = 0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
   /// Of the points found at best since the last offer, which the server may refuse: below, one is needed soon
   /// if the frame shows what the map does not know.

@@ -45,8 +45,8 @@ struct SearchReach {
 
 struct PointSearchOptions {
   double nearest = 1e-3;  ///< [map unit] in front of the camera (PTAM r114)
-  float alignment_reach =
-      5.0F;  ///< [search-level px] radius up to which alignment is tried from where it is expected
+  /// [search-level px] radius up to which alignment is tried from where it is expected.
+  float alignment_reach = 5.0F;
   float least_radius = 1.5F;  ///< [search-level px] of a search, however small the radius at level 0
   KeptTemplateOptions templates;
   FrustumOptions frustum;  ///< its `nearest` is that above

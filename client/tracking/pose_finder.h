@@ -25,8 +25,8 @@ struct PoseFinderOptions {
   float coarse_radius = 30;  ///< [px of level 0] (PTAM r114)
   float fine_radius = 10;    ///< [px of level 0] without a coarse stage before (PTAM r114)
   float fine_radius_after_coarse = 5;  ///< [px of level 0] (PTAM r114)
-  int coarse_level =
-      2;  ///< level from which on points are of the coarse stage (PTAM r114: the two top levels)
+  /// Level from which on points are of the coarse stage (PTAM r114: the two top levels).
+  int coarse_level = 2;
   int coarse_available = 20;  ///< points: fewer and the coarse stage is left out (PTAM r114)
   int coarse_found = 12;      ///< points: fewer and its pose is not believed (PTAM: 20 of 60)
   /// Of the points searched. Corners find a few points in a hundred that alignment does not, for a quarter of

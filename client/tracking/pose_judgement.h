@@ -15,8 +15,8 @@ enum class PoseSupport : uint8_t {
 };
 
 struct PoseJudgementOptions {
-  double known_position =
-      0.01;  ///< sigma of a position that is known, over the depth: an overlay stands still
+  /// Sigma of a position that is known, over the depth: an overlay stands still.
+  double known_position = 0.01;
   /// [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
   double known_rotation = 0.033;
 };

@@ -45,13 +45,13 @@ struct ProvisionalPointsOptions {
   double max_squared_cutoff = 9.0;  ///< [sigma^2]
   double measured_sigma = 0.3;      ///< [search-level px] of an aligned patch
   double gate = 9.21;               ///< squared innovation of 2 degrees of freedom: 99 % of chi-square
-  double news_distance =
-      0.003;  ///< over the mean depth: from nearer than that the same errors would be measured twice
+  /// Over the mean depth: from nearer than that the same errors would be measured twice.
+  double news_distance = 0.003;
   double free_position = 1;   ///< sigma over the mean depth: what is not measured is singular without
   double turned_only = 1e-3;  ///< sigma over the depth: the camera turns and leaves its place
   double point_depth = 0.05;  ///< sigma of the inverse depth over itself, of what becomes a point
-  double least_inverse =
-      1e-6;  ///< of the inverse depth, over the prior's: in front of the camera, however far
+  /// Of the inverse depth, over the prior's: in front of the camera, however far.
+  double least_inverse = 1e-6;
   /// Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of
   /// a wall alike.
   double known_depth = 0.2;

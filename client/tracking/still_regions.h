@@ -26,8 +26,8 @@ struct StillRegionsOptions {
   int most_looks = 100;     ///< [frames] for the first judgement: a camera that hardly moves tells nothing
   float often_seen = 0.8F;  ///< of the frames counted
   int most_change = 6;      ///< [grey levels of level 3] of what keeps its brightness: noise and JPEG's rings
-  float coherent =
-      0.5F;  ///< |sum of gradients|^2 over frames times sum of |gradient|^2; by chance 1 / frames
+  /// |sum of gradients|^2 over frames times sum of |gradient|^2; by chance 1 / frames.
+  float coherent = 0.5F;
   float rim_gradient = 6;      ///< [grey levels of level 3 over two pixels]
   uint64_t fewest_framed = 8;  ///< [cells] of rim
   int least_mean_change = 2;   ///< [grey levels of level 3] since the last frame counted

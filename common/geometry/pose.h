@@ -47,9 +47,8 @@ struct PoseSupplement {
 struct PoseOptions {
   int iterations = 10;
   double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, in units of sigma
-  double max_squared_cutoff =
-      std::numeric_limits<double>::infinity();  ///< and its ceiling: when most matches are false, their
-                                                ///< median is no measure
+  /// And its ceiling: when most matches are false, their median is no measure.
+  double max_squared_cutoff = std::numeric_limits<double>::infinity();
   double prior = 0.0;             ///< added to the diagonal of the normal equations (100 in PTAM r114)
   int fixed_cutoff_after = 1000;  ///< from this iteration on use `late_squared_cutoff`
   double late_squared_cutoff = 16.0;

@@ -25,8 +25,8 @@ struct TwoViewCriteria {
   double sigma = 1.0;                                         ///< standard deviation of a match [px]
   double min_median_parallax = 1.2 * 3.14159265358979 / 180;  ///< [rad], over the inliers that triangulate
   double min_inlier_fraction = 0.6;
-  double min_good_fraction =
-      0.7;  ///< of the inliers: in front of both cameras and reprojected within 4 sigma
+  /// Of the inliers: in front of both cameras and reprojected within 4 sigma.
+  double min_good_fraction = 0.7;
 };
 
 /// And how it is searched for.

@@ -18,8 +18,8 @@ struct ImageHeader {
   int64_t height = 0;
   int bits = 8;         ///< of a sample
   int orientation = 1;  ///< as viewers show it, see orientation.h; width and height are those of the rows
-  bool complete =
-      true;  ///< whether the file has its end; decoders paint the missing part of a cut JPEG grey in silence
+  /// Whether the file has its end; decoders paint the missing part of a cut JPEG grey in silence.
+  bool complete = true;
 };
 
 /// Reads the header of a PNG, JPEG or PGM/PPM file. Error kDamaged (without a file name) for anything else

@@ -32,8 +32,8 @@ struct PointSource {
   Eigen::Vector3f ray_center = Eigen::Vector3f::UnitZ();
   Eigen::Vector3f ray_right = Eigen::Vector3f::UnitZ();
   Eigen::Vector3f ray_down = Eigen::Vector3f::UnitZ();
-  Eigen::Vector3f normal =
-      -Eigen::Vector3f::UnitZ();  ///< unit, of the surface, source camera's frame, towards the camera
+  /// Unit, of the surface, source camera's frame, towards the camera.
+  Eigen::Vector3f normal = -Eigen::Vector3f::UnitZ();
   SourcePatch pixels{};
 };
 
@@ -46,19 +46,19 @@ struct PatchBlock {
 
 /// From where a point has been seen: what lets a tracker know that it should not see it now.
 struct PointVisibility {
-  Eigen::Vector3f mean_direction =
-      Eigen::Vector3f::Zero();  ///< unit, from the point to the cameras, map frame; 0 = unknown
-  float min_cosine = -1;        ///< of the angle between mean_direction and the observing directions
-  float min_distance = 0;       ///< [map unit] nearest observing camera
-  float max_distance = 0;       ///< [map unit] farthest observing camera; 0 = unknown
+  /// Unit, from the point to the cameras, map frame; 0 = unknown.
+  Eigen::Vector3f mean_direction = Eigen::Vector3f::Zero();
+  float min_cosine = -1;   ///< of the angle between mean_direction and the observing directions
+  float min_distance = 0;  ///< [map unit] nearest observing camera
+  float max_distance = 0;  ///< [map unit] farthest observing camera; 0 = unknown
 };
 
 /// Topic PointPositions. Same index and slots as the patch block.
 struct PositionBlock {
   uint32_t index = 0;
   uint64_t version = 0;
-  uint64_t live =
-      0;  ///< bit s: slot s holds a point of the map (a removed point keeps its slot and loses its bit)
+  /// Bit s: slot s holds a point of the map (a removed point keeps its slot and loses its bit).
+  uint64_t live = 0;
   std::vector<Eigen::Vector3f>
       positions;  ///< map frame, as many as the patch block of this revision has points
   std::vector<PointVisibility> visibility;

@@ -11,8 +11,8 @@ namespace cairn {
 
 /// In the IMU's axes.
 struct ImuSample {
-  double step =
-      0;  ///< since the one before, by the IMU's clock [s]; 0 for the first, and where that began anew
+  /// Since the one before, by the IMU's clock [s]; 0 for the first, and where that began anew.
+  double step = 0;
   Eigen::Vector3d rate;          ///< [rad/s]
   Eigen::Vector3d acceleration;  ///< [m/s^2]
 };

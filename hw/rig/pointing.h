@@ -68,8 +68,8 @@ struct Sighting {
 /// How it goes.
 struct PointingState {
   PointingMode mode = PointingMode::kNeutral;
-  bool on_target =
-      false;  ///< near it, by the IMU, for some time: half a degree, in a search a sixth of a view
+  /// Near it, by the IMU, for some time: half a degree, in a search a sixth of a view.
+  bool on_target = false;
   bool out_of_reach = false;  ///< the target is beyond the soft limits
   bool sees_target = false;   ///< fixate: sightings come
   double looked_at = 0;       ///< search: share of the places within reach, of the present round

@@ -14,9 +14,9 @@ namespace cairn {
 struct ExpectedPoint {
   PointId id;
   bool found = false;
-  Eigen::Vector2f pixel =
-      Eigen::Vector2f::Zero();  ///< level-0 px: where it was found, else where it should be
-  double depth = 0;             ///< along the optical axis [map unit]
+  /// Level-0 px: where it was found, else where it should be.
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+  double depth = 0;  ///< along the optical axis [map unit]
 };
 
 /// The live points of `map` that project into the image at a scale and from a side at which their patches

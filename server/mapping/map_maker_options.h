@@ -33,8 +33,8 @@ struct EpipolarOptions {
 struct TwoViewPointOptions {
   int partners = 2;              ///< keyframes searched for each candidate, until one has it
   int confirming_keyframes = 3;  ///< further keyframes that are asked to confirm a new point
-  double min_parallax =
-      0.0175;  ///< [rad] 1 degree: below, the depth from two views is noise (0.3 px at f 525 is 3 % of it)
+  /// [rad] 1 degree: below, the depth from two views is noise (0.3 px at f 525 is 3 % of it).
+  double min_parallax = 0.0175;
   double good_parallax = 0.07;    ///< [rad] from here on more does not help, and patches begin to differ
   double wide_parallax = 0.25;    ///< [rad] from here on patches and occlusions differ too much
   double known_distance = 10;     ///< [level px] of a candidate from a known measurement (PTAM r114)
@@ -78,8 +78,8 @@ struct RefindOptions {
 /// Of a frame that wants to become a keyframe (integrate).
 struct IntegrationOptions {
   uint64_t min_measurements = 20;  ///< good ones
-  double same_direction =
-      0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
+  /// Cosine between optical axes of keyframes that look the same way (26 degrees).
+  double same_direction = 0.9;
   double new_area_distance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
   double few_known = 0.6;          ///< of the reference keyframe's measurements: fewer count as new area
   int area_level = 1;              ///< whose corners tell new area (KnownArea); as the tracker's own
@@ -110,8 +110,8 @@ struct UpkeepOptions {
   int min_attempts = 6;             ///< before a point is judged
   double min_found_fraction = 0.2;  ///< of these
   int redundant_observers = 3;      ///< keyframes that show a point as well
-  double redundant_fraction =
-      0.9;  ///< of a keyframe's points, which is redundant then (Mur-Artal et al., T-RO 2015)
+  /// Of a keyframe's points, which is redundant then (Mur-Artal et al., T-RO 2015).
+  double redundant_fraction = 0.9;
   uint64_t newest_kept = 5;  ///< keyframes: still being integrated, or the reference of offers in flight
 };
 
@@ -162,11 +162,11 @@ struct PublicationOptions {
 struct MapMakerOptions {
   Adjuster adjuster = Adjuster::kOwn;
   double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (PTAM r114)
-  double min_keyframe_distance =
-      1.0;  ///< in units of baseline / first mean depth, times mean depth (PTAM r114)
+  /// In units of baseline / first mean depth, times mean depth (PTAM r114).
+  double min_keyframe_distance = 1.0;
   int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
-  int local_keyframes =
-      4;  ///< nearest keyframes that move in a local adjustment, beside the newest (PTAM r114)
+  /// Nearest keyframes that move in a local adjustment, beside the newest (PTAM r114).
+  int local_keyframes = 4;
   int local_iterations = 10;       ///< of a local adjustment
   size_t max_points = kMaxPoints;  ///< ever made: removed points keep their slot
   uint64_t seed = 1;

@@ -16,8 +16,8 @@ namespace cairn {
 struct GravityOptions {
   /// [squared sigmas] within which two directions agree: of two degrees of freedom, 99.9 %.
   double chi_square = 13.816;
-  double pose_tilt =
-      0.03;  ///< [rad] of a pose from few matches, and of how an IMU is known to sit on its camera
+  /// [rad] of a pose from few matches, and of how an IMU is known to sit on its camera.
+  double pose_tilt = 0.03;
   double most_contradict = 0.25;  ///< of the keyframes: with more, nobody knows which way is up in the map
   /// [rad] What the measurements of one accelerometer have in common does not average out: its bias.
   double common_sigma = 0.01;

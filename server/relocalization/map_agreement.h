@@ -28,13 +28,13 @@ struct MapAgreementOptions {
 /// Of maps that show the same place (overlap_detector).
 struct OverlapOptions {
   uint64_t most_maps = 4;  ///< of a place, that an image is looked for in
-  uint64_t most_shown =
-      32;  ///< keyframes of a pair of maps, the newest: how they lie to each other is known from a few
+  /// Keyframes of a pair of maps, the newest: how they lie to each other is known from a few.
+  uint64_t most_shown = 32;
   /// [mean depths plus rad] A keyframe that stands no farther from one of another map (separation()) should
   /// be known there.
   double next_to = 0.3;
-  uint64_t least_keyframes =
-      3;  ///< that agree on one similarity: the neighbours of a look-alike show the same
+  /// That agree on one similarity: the neighbours of a look-alike show the same.
+  uint64_t least_keyframes = 3;
   MapAgreementOptions agreement;
 };
 

@@ -45,10 +45,10 @@ struct RelocOptions {
   double least_margin = 1.25;
   /// Keyframes that show this place in part otherwise, over those that confirm it: so many refuse it.
   int outvoted_by = 3;
-  double same_pose =
-      kSamePose;  ///< [mean depths plus rad] poses in one map that are farther apart contradict each other
-  uint64_t in_common =
-      5;  ///< points; keyframes of a map that measured fewer in common are of different places
+  /// [mean depths plus rad] poses in one map that are farther apart contradict each other.
+  double same_pose = kSamePose;
+  /// Points; keyframes of a map that measured fewer in common are of different places.
+  uint64_t in_common = 5;
   /// Length of the two orders of merit that are fused. Where images or words are led astray (other light) the
   /// place is far down in both, yet at a like rank.
   uint64_t fused = 128;
