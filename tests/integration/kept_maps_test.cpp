@@ -8,8 +8,8 @@
 #include <atomic>
 #include <cmath>
 #include <csignal>
-#include <stdexcept>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
 #include "common/io/test_directory.h"
 #include "common/wire/network_path.h"
