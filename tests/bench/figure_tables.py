@@ -97,7 +97,7 @@ def of_index(figures):
 
 
 def of_adjustments(problems):
-    return [{**problem, **solver, "own": solver["solver"] == "own"} for problem in problems for solver in problem["solvers"]]
+    return [{**problem, **solver, "name": problem["problem"].removesuffix(".txt"), "own": solver["solver"] == "own"} for problem in problems for solver in problem["solvers"]]
 
 
 def of_found_cameras(results):
@@ -210,7 +210,7 @@ TABLES = {
         Column("frames in a wrong map", total("wrong_map")), Column("with a wrong pose", total("wrong_pose")), Column("without a pose", total("without"))),
         of_jumps),
     "map-maker": Table("{work}", tuple(Column(share, median(share)) for share in ("p50", "p95", "p99")), by_work),
-    "adjustment": Table("{problem}", (
+    "adjustment": Table("{name}", (
         Column("poses", median("poses")), Column("points", median("points")), Column("observations", median("observations")),
         Column("to 1 %: own, ms", median("ms_to_goal", own=True), 1), Column("iterations", median("iterations_to_goal", own=True)),
         Column("Ceres, best, ms", least("ms_to_goal", own=False), 1), Column("as asked: own, ms", median("ms", own=True), 1),
@@ -223,8 +223,8 @@ TABLES = {
         ("frames within 33 ms, %", "good_percent"), ("of the worst tracker, %", "worst_percent"), ("frames dropped", "dropped"),
         ("CPU p50, ms", "cpu_ms_p50"), ("CPU p99, ms", "cpu_ms_p99"), ("other programs' CPU, %", "other_cpu_percent")))),
     "micro": Table("{function}", (Column("µs", median("us")),), of_functions),
-    "growth": Table("{points} points", (
-        Column("points tried", median("attempted")), Column("found", median("found")), Column("CPU p50, ms", median("cpu_ms.p50"), 2),
+    "growth": Table("from {wanted} on", (
+        Column("points", median("points")), Column("tried", median("attempted")), Column("found", median("found")), Column("CPU p50, ms", median("cpu_ms.p50"), 2),
         Column("p95", median("cpu_ms.p95"), 2), Column("p99", median("cpu_ms.p99"), 2), Column("of it projection, p50", median("project_ms.p50"), 2))),
     "instructions": Table("{machine}", (Column("million instructions a frame", median("millions"), 2),),
                           lambda counts: [{"machine": machine, "millions": counted / 1e6} for machine, counted in counts.items()]),
