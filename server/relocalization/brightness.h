@@ -13,7 +13,8 @@ namespace cairn {
 struct Brightness {
   /// How much brighter it is than the 40 px around it, in units of the contrast there: indifferent to what
   /// changes slowly across the image and to gain, and nearly to any curve of grey levels, which is straight
-  /// over so few of them.
+  /// over so few of them. The 40 px, and the 3 grey levels that are added to the contrast against noise, are
+  /// chosen, not measured.
   float local = 0;
   uint8_t grey = 0;  ///< level: how bright it is
 };

@@ -9,13 +9,16 @@
 /// Whether a pose is the best there is around it, and how far it may be off.
 namespace cairn {
 
+/// What makes a pose wrong is ConfirmOptions::most_sigma. Where no reason is given, a value is chosen, not
+/// measured.
 struct SettleOptions {
   double aside = 0.06;          ///< [depth, or rad] that a start lies aside: twice what makes a pose wrong
   int most_moves = 3;           ///< to a better pose
   double nearly_as_good = 0.9;  ///< of the support, by the sample: it is rough
   uint64_t most_refined = 3;    ///< of the poses found from the starts, in a move
   uint64_t sampled = 150;       ///< points by which the poses are compared before one is refined
-  std::array<double, 2> radii = {6, 2.5};  ///< [px of the level] of the search from a start
+  /// [px of the corner's level] Of the search from a start: the first and the last of RefineOptions.
+  std::array<double, 2> radii = {6, 2.5};
   /// [depth, or rad] Poses that lie nearer to each other are one (separation()): a fifth of what makes a pose
   /// wrong.
   double same = 0.006;

@@ -16,6 +16,8 @@
 
 namespace cairn {
 
+/// What sets the limits of the decision is in DECISION.md. Trials are run-look-alikes and run-reloc
+/// (tests/bench/HISTORY.md).
 struct ConfirmOptions {
   MatchOptions match;
   AppearanceOptions appearance;
@@ -24,14 +26,16 @@ struct ConfirmOptions {
   GravityOptions gravity;
   int agreeing_in_cell = 2;       ///< corners in a cell that counts as agreeing: one may agree by chance
   double ransac_threshold = 2.5;  ///< [px of the corner's level]
-  uint64_t rough_step = 3;  ///< of a keyframe's points, one of so many tells whether a pose is worth refining
-  int min_supported = 6;    ///< matches that moved as their neighbours did, without which no pose is tried
-  int ransac_iterations = 150;
-  int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
-  int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
-  int many_agreeing = 16;    ///< up to which `by_image` asks for more evidence, as `by_few` does
-  int min_inliers = 30;      ///< of the refined pose
-  int min_cells = 5;         ///< of kImageCells of the image, in which inliers lie
+  /// Of a keyframe's points, one of so many tells whether a pose is worth refining. By trials: of the poses
+  /// that are refused 62 % end there, of the right ones 0.12 %.
+  uint64_t rough_step = 3;
+  int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
+  int ransac_iterations = 150;  ///< triples of matches drawn; by trials: with 300 the time grows
+  int min_agreeing = 8;         ///< of all matches by descriptors alone, with the pose: it is refined
+  int enough_agreeing = 12;     ///< of these: with fewer the pose is believed `by_few` alone
+  int many_agreeing = 16;       ///< up to which `by_image` asks for more evidence, as `by_few` does
+  int min_inliers = 30;         ///< of the refined pose
+  int min_cells = 5;            ///< of kImageCells of the image, in which inliers lie
   /// What a hypothesis needs to be accepted. Sources that know nothing of each other have to speak for it:
   /// how similar the image is (appearance.h), what all of them say together (evidence()), inliers: their
   /// share of what could match around the pose (GuidedMatches::met), and of the points expected, and how much

@@ -18,7 +18,8 @@ struct GravityOptions {
   double chi_square = 13.816;
   /// [rad] of a pose from few matches, and of how an IMU is known to sit on its camera.
   double pose_tilt = 0.03;
-  double most_contradict = 0.25;  ///< of the keyframes: with more, nobody knows which way is up in the map
+  /// Share of the keyframes: with more, nobody knows which way is up in the map. Chosen, not measured.
+  double most_contradict = 0.25;
   /// [rad] What the measurements of one accelerometer have in common does not average out: its bias.
   double common_sigma = 0.01;
 };

@@ -22,7 +22,8 @@ constexpr float kPlaceBlur = 2.5F;
 /// the square root of two. A descriptor stands a change of scale by 1.2 or so; levels alone leave gaps.
 constexpr int kPlaceScales = 2 * kPyramidLevels;
 
-/// Times the exposure of a keyframe at which it is described a second time.
+/// Times the exposure of a keyframe at which it is described a second time. By trials, on queries of gain 2
+/// (tests/bench/HISTORY.md).
 constexpr int kOverexposure = 2;
 
 /// Which map point a descriptor is of.
@@ -59,9 +60,9 @@ struct IndexedKeyframe {
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   DescribedPoints as_taken;
-  /// As with kOverexposure; nothing: less than a hundredth more of the image would be white. In white
-  /// nothing is left of a corner and what is next to it looks otherwise, which no descriptor of the image
-  /// as it was taken foretells.
+  /// As with kOverexposure; nothing: less than a hundredth (chosen, not measured) more of the image would be
+  /// white. In white nothing is left of a corner and what is next to it looks otherwise, which no descriptor
+  /// of the image as it was taken foretells.
   std::optional<DescribedPoints> overexposed;
   std::vector<WordId> words;  ///< of the descriptors of `as_taken`, ascending, each once
 

@@ -25,9 +25,10 @@ struct MapAgreementOptions {
   double least_base = 0.1;
 };
 
-/// Of maps that show the same place (overlap_detector).
+/// Of maps that show the same place (overlap_detector). Where no reason is given, a value is chosen, not
+/// measured.
 struct OverlapOptions {
-  uint64_t most_maps = 4;  ///< of a place, that an image is looked for in
+  uint64_t most_maps = 4;  ///< of a place, that an image is looked for in: they bound the work
   /// Keyframes of a pair of maps, the newest: how they lie to each other is known from a few.
   uint64_t most_shown = 32;
   /// [mean depths plus rad] A keyframe that stands no farther from one of another map (separation()) should

@@ -13,6 +13,7 @@
 /// Corners of a query matched with points of keyframes by their descriptors.
 namespace cairn {
 
+/// What sets these limits is in DECISION.md.
 struct MatchOptions {
   int max_distance = 70;  ///< [bits of 256] of a match without a pose to guide it
   float ratio = 0.85F;    ///< of the distance of the best rival (Lowe, IJCV 2004)
@@ -42,7 +43,8 @@ struct PlaceMatch {
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
 /// The cheap match with a keyframe: of every second corner. Where none of these matches is supported
-/// (keep_supported()) the place is another, nearly always.
+/// (keep_supported()) the place is another, nearly always. Asking for three or four that are supported lost
+/// right answers (trials: tests/bench/HISTORY.md).
 struct Prefilter {
   std::vector<PlaceMatch> matches;  ///< in the order of corners, a point perhaps more than once
   size_t distinct = 0;              ///< of these, each point once

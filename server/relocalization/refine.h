@@ -11,6 +11,7 @@
 /// A pose from a few corners of a query, refined by all points around it.
 namespace cairn {
 
+/// Chosen, not measured; the last radius is ConfirmOptions::ransac_threshold.
 struct RefineOptions {
   uint64_t neighbourhood = 4;  ///< keyframes whose points are looked for around a pose
   double angle_weight = 1;     ///< a radian between optical axes counts as so many mean depths apart
