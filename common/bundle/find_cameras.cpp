@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/bundle/find_cameras.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
 
+#include "common/geometry/least_squares.h"
 #include "common/geometry/robust.h"
 
 namespace cairn {
@@ -203,27 +203,25 @@ std::vector<Residuals> given_derivatives(const Follower& follower, const Residua
   return derivatives;
 }
 
-/// What the observations say of a camera's intrinsics (log f, k1): weighted sums of J^T J and of J^T r, r
-/// whitened, J its total derivative.
-struct Evidence {
-  Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
-  Intrinsics pull = Intrinsics::Zero();
-
-  void add(double weight, const Eigen::Matrix2d& J, const Eigen::Vector2d& residual) {
-    curvature += weight * J.transpose() * J;
-    pull += weight * J.transpose() * residual;
-  }
-};
+/// What observations say of a camera's intrinsics (log f, k1), by whitened residuals and their total
+/// derivatives.
+using Evidence = LeastSquares<kIntrinsics>;
 
 /// Jackknife (Tukey 1958): how far the solution would move without each part of the motion, by one step of
-/// Gauss and Newton. Unlike the pulls of the parts alone (sandwich) it does not take for agreement that a
-/// part which tells most has drawn the solution to itself.
-Eigen::Matrix2d jackknife(const Eigen::Matrix2d& curvature, const std::vector<Evidence>& parts) {
+/// Gauss and Newton. Unlike the gradients of the parts alone (sandwich) it does not take for agreement that a
+/// part which tells most has drawn the solution to itself. `information` is of all parts and the prior.
+/// Nothing where the rest does not tell the intrinsics.
+std::optional<Eigen::Matrix2d> jackknife(const Eigen::Matrix2d& information,
+                                         const std::vector<Evidence>& parts) {
   constexpr double kOfSquares = static_cast<double>(kParts - 1) / kParts;
   Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
   for (const Evidence& part : parts) {
-    const Intrinsics move = (curvature - part.curvature).inverse() * part.pull;
-    sum += kOfSquares * move * move.transpose();
+    // At the solution the gradients of all parts make up for each other: the rest has that of `part`,
+    // negative.
+    const Evidence rest{information - part.information, -part.gradient};
+    const auto move = rest.step();
+    if (!move) return std::nullopt;
+    sum += kOfSquares * *move * move->transpose();
   }
   return sum;
 }
@@ -243,30 +241,37 @@ std::vector<size_t> parts_of_poses(const BundleProblem& problem, size_t camera) 
 }
 
 /// Covariance of one camera's intrinsics: the formal one, the spread of what the parts of the motion want of
-/// them, and what the values taken for given may have done.
-Eigen::Matrix2d honest_covariance(const BundleProblem& problem, size_t camera, const Residuals& residuals,
-                                  const std::vector<double>& weights,
-                                  const std::array<Residuals, kIntrinsics>& derivatives,
-                                  const std::vector<Residuals>& by_given, double squared_cutoff) {
+/// them, and what the values taken for given may have done. Nothing where they are not told.
+std::optional<Eigen::Matrix2d> honest_covariance(const BundleProblem& problem, size_t camera,
+                                                 const Residuals& residuals,
+                                                 const std::vector<double>& weights,
+                                                 const std::array<Residuals, kIntrinsics>& derivatives,
+                                                 const std::vector<Residuals>& by_given,
+                                                 double squared_cutoff) {
   const FreeCamera& judged = problem.free_cameras[camera];
-  Eigen::Matrix2d curvature =
+  Eigen::Matrix2d information =
       prior_pull(judged, *judged.camera, squared_cutoff).curvature.asDiagonal().toDenseMatrix();
   const std::vector<size_t> part_of = parts_of_poses(problem, camera);
   std::vector<Evidence> parts(kParts);
-  std::vector<Intrinsics> pulls_of_given(by_given.size(), Intrinsics::Zero());
+  std::vector<Evidence> of_given(by_given.size());
   for (size_t i = 0; i < residuals.size(); ++i) {
     Eigen::Matrix2d J;
     for (int k = 0; k < kIntrinsics; ++k) J.col(k) = derivatives[static_cast<size_t>(k)][i];
     if (weights[i] <= 0 || !J.allFinite() || !residuals[i].allFinite()) continue;
-    parts[part_of[static_cast<size_t>(problem.observations[i].pose)]].add(weights[i], J, residuals[i]);
+    parts[part_of[static_cast<size_t>(problem.observations[i].pose)]].add(J, residuals[i], weights[i]);
     for (size_t g = 0; g < by_given.size(); ++g) {
-      if (by_given[g][i].allFinite()) pulls_of_given[g] += weights[i] * J.transpose() * by_given[g][i];
+      if (by_given[g][i].allFinite()) of_given[g].add(J, by_given[g][i], weights[i]);
     }
   }
-  for (const Evidence& part : parts) curvature += part.curvature;
-  const Eigen::Matrix2d inverse = curvature.inverse();
-  Eigen::Matrix2d covariance = judged.covariance + jackknife(curvature, parts);
-  for (const Intrinsics& pull : pulls_of_given) covariance += inverse * pull * (inverse * pull).transpose();
+  for (const Evidence& part : parts) information += part.information;
+  const auto spread = jackknife(information, parts);
+  if (!spread) return std::nullopt;
+  Eigen::Matrix2d covariance = judged.covariance + *spread;
+  for (const Evidence& given : of_given) {
+    const auto move = Evidence{information, given.gradient}.step();
+    if (!move) return std::nullopt;
+    covariance += *move * move->transpose();
+  }
   return covariance;
 }
 

@@ -3,12 +3,15 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <vector>
 
+#include "common/geometry/least_squares.h"
+#include "common/geometry/levenberg_marquardt.h"
+#include "common/geometry/ransac.h"
 #include "common/geometry/se3.h"
 
 namespace cairn {
@@ -17,8 +20,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix36d = Eigen::Matrix<double, 3, 6>;
 
 constexpr size_t kFewest = 8;
 constexpr double kLeastRange = 10 * std::numbers::pi / 180;
@@ -28,7 +30,7 @@ constexpr double kOutlier = 4;        // times the median
 constexpr double kLeastError = 1e-4;  // [rad]: nothing that fits so well is left out
 constexpr double kLeastShare = 2.0 / 3;
 constexpr double kMostResidual = 2 * std::numbers::pi / 180;  // no gear and no tracker is so bad
-constexpr double kDone = 1e-10;
+constexpr double kLeastGain = 1e-12;  // share of the cost; a step that gains less is the last
 
 /// camera: where the camera should stand after `found`.
 Quaterniond expected(const HandEye& found, const Glance& glance) {
@@ -39,51 +41,76 @@ Vector3d rotation_error(const HandEye& found, const Glance& glance) {
   return so3_log(expected(found, glance).conjugate() * glance.map_from_camera);
 }
 
-/// Gauss-Newton for both rotations: of least squares, or of least errors, to which some that are far off do
-/// not matter.
-void fit_rotations(const std::vector<Glance>& glances, bool squares, HandEye& found) {
-  for (int step = 0; step < kSteps; ++step) {
-    Matrix6d normal = Matrix6d::Zero();
-    Vector6d right = Vector6d::Zero();
-    for (const Glance& glance : glances) {
-      Eigen::Matrix<double, 3, 6> jacobian;  // by a turn of the base, and of the camera, each in its own axes
-      jacobian.leftCols<3>() =
-          (base_from_head(glance.angles) * found.head_from_camera).conjugate().toRotationMatrix();
-      jacobian.rightCols<3>() = Matrix3d::Identity();
-      const Vector3d error = rotation_error(found, glance);
-      const double weight = squares ? 1 : 1 / std::max(kLeastError, error.norm());
-      normal += weight * jacobian.transpose() * jacobian;
-      right += weight * jacobian.transpose() * error;
-    }
-    const Vector6d change = normal.ldlt().solve(right);
-    found.map_from_base = (found.map_from_base * so3_exp(change.head<3>())).normalized();
-    found.head_from_camera = (found.head_from_camera * so3_exp(change.tail<3>())).normalized();
-    if (change.norm() < kDone) return;
-  }
+enum class Loss {
+  kNorm,     ///< of least errors, to which some that are far off do not matter
+  kSquares,  ///< of least squares
+};
+
+/// Half of the square of `error`, or its norm, whose tip is a parabola (Huber) below kLeastError.
+double loss(Loss kind, double error) {
+  if (kind == Loss::kSquares) return error * error / 2;
+  return error < kLeastError ? error * error / (2 * kLeastError) : error - kLeastError / 2;
 }
 
-/// Linear: the camera's centre is at base_in_map + map_from_head * camera_in_head.
-void fit_positions(const std::vector<Glance>& glances, HandEye& found) {
-  Matrix6d normal = Matrix6d::Zero();
-  Vector6d right = Vector6d::Zero();
-  const auto jacobian_of = [&](const Glance& glance) {
-    Eigen::Matrix<double, 3, 6> jacobian;
+/// Derivative of loss() by the error, over the error: the weight of its square.
+double weight(Loss kind, double error) {
+  return kind == Loss::kSquares ? 1 : 1 / std::max(kLeastError, error);
+}
+
+/// For both rotations.
+void fit_rotations(const std::vector<Glance>& glances, Loss kind, HandEye& found) {
+  const auto linearize = [&](const HandEye& now) {
+    LeastSquares<6> equations;  // in a turn of the base, and of the camera, each in its own axes
+    for (const Glance& glance : glances) {
+      Matrix36d jacobian;
+      jacobian.leftCols<3>() =
+          -(base_from_head(glance.angles) * now.head_from_camera).conjugate().toRotationMatrix();
+      jacobian.rightCols<3>() = -Matrix3d::Identity();
+      const Vector3d error = rotation_error(now, glance);
+      equations.add(jacobian, error, weight(kind, error.norm()));
+    }
+    return equations;
+  };
+  const auto step = [](const HandEye& now, const LeastSquares<6>& equations,
+                       double damping) -> std::optional<HandEye> {
+    const auto change = equations.step(damping);
+    if (!change) return std::nullopt;
+    HandEye next = now;
+    next.map_from_base = (now.map_from_base * so3_exp(change->head<3>())).normalized();
+    next.head_from_camera = (now.head_from_camera * so3_exp(change->tail<3>())).normalized();
+    return next;
+  };
+  const auto cost = [&](const HandEye& now) {
+    double sum = 0;
+    for (const Glance& glance : glances) sum += loss(kind, rotation_error(now, glance).norm());
+    return sum;
+  };
+  levenberg_marquardt({.iterations = kSteps, .least_gain = kLeastGain}, &found, linearize, step, cost);
+}
+
+/// Linear: the camera's centre is at base_in_map + map_from_head * camera_in_head. False if it has no
+/// solution.
+bool fit_positions(const std::vector<Glance>& glances, HandEye& found) {
+  found.base_in_map = found.camera_in_head = Vector3d::Zero();
+  const auto error_of = [&](const Glance& glance) -> Vector3d {
+    const Quaterniond map_from_head = found.map_from_base * base_from_head(glance.angles);
+    return found.base_in_map + map_from_head * found.camera_in_head - glance.camera_in_map;
+  };
+  LeastSquares<6> equations;
+  for (const Glance& glance : glances) {
+    Matrix36d jacobian;
     jacobian.leftCols<3>() = Matrix3d::Identity();
     jacobian.rightCols<3>() = (found.map_from_base * base_from_head(glance.angles)).toRotationMatrix();
-    return jacobian;
-  };
-  for (const Glance& glance : glances) {
-    const auto jacobian = jacobian_of(glance);
-    normal += jacobian.transpose() * jacobian;
-    right += jacobian.transpose() * glance.camera_in_map;
+    equations.add(jacobian, error_of(glance));
   }
-  const Vector6d solution = normal.ldlt().solve(right);
-  found.base_in_map = solution.head<3>();
-  found.camera_in_head = solution.tail<3>();
+  const auto solution = equations.step();
+  if (!solution) return false;
+  found.base_in_map = solution->head<3>();
+  found.camera_in_head = solution->tail<3>();
   double sum = 0;
-  for (const Glance& glance : glances)
-    sum += (glance.camera_in_map - jacobian_of(glance) * solution).squaredNorm();
+  for (const Glance& glance : glances) sum += error_of(glance).squaredNorm();
   found.position_residual = std::sqrt(sum / static_cast<double>(glances.size()));
+  return true;
 }
 
 /// Those of `all` that fit.
@@ -109,10 +136,11 @@ HandEye begin(std::span<const Glance> glances) {
     HandEye tried = found;
     tried.map_from_base =
         from.map_from_camera * (base_from_head(from.angles) * found.head_from_camera).conjugate();
-    double sum = 0;  // not of squares: some may be far off
-    for (const Glance& glance : glances) sum += rotation_error(tried, glance).norm();
-    if (sum < least) {
-      least = sum;
+    // Not of squares: some may be far off.
+    const double cost = truncated_cost(
+        glances, HUGE_VAL, least, [&](const Glance& glance) { return rotation_error(tried, glance).norm(); });
+    if (cost < least) {
+      least = cost;
       found = tried;
     }
   }
@@ -141,7 +169,7 @@ Result<HandEye> calibrate_hand_eye(std::span<const Glance> glances) {
   HandEye found = begin(glances);
   std::vector<Glance> used(glances.begin(), glances.end());
   for (int round = 0; round <= kRounds; ++round) {
-    fit_rotations(used, round > 0, found);
+    fit_rotations(used, round > 0 ? Loss::kSquares : Loss::kNorm, found);
     if (round < kRounds) used = fitting(glances, found);
   }
   double sum = 0;
@@ -156,7 +184,9 @@ Result<HandEye> calibrate_hand_eye(std::span<const Glance> glances) {
             "{} of {} glances fit each other, within {:.1f} degrees; let the base stand still and the "
             "map be tracked",
             used.size(), glances.size(), found.rotation_residual * 180 / std::numbers::pi));
-  fit_positions(used, found);
+  if (!fit_positions(used, found))
+    return fail(ErrorCode::kRefused,
+                "the glances do not tell where the camera sits on the head; look at more places of the map");
   return found;
 }
 
