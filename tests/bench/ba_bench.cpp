@@ -16,6 +16,7 @@
 #include "server/mapping/adjustment.h"
 #include "server/mapping/bundle_ceres.h"
 #include "tests/bench/bundle_file.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/timing.h"
 
 namespace cairn {
@@ -162,8 +163,9 @@ BundleProblem synthetic_desk(int poses, int points, int observations) {
   return problem;
 }
 
-void compare(const std::string& name, const BundleProblem& start, const std::vector<Variant>& variants,
-             int repeats) {
+/// What was printed.
+nlohmann::json compare(const std::string& name, const BundleProblem& start,
+                       const std::vector<Variant>& variants, int repeats) {
   const BundleReport end = timed(variants.front(), start, to_the_end(kUntilConverged)).report;
   const BundleReport judge = timed(ceres_variant("judge", {.linear_solver = ceres::SPARSE_SCHUR}), start,
                                    to_the_end(kUntilConverged))
@@ -178,37 +180,56 @@ void compare(const std::string& name, const BundleProblem& start, const std::vec
       "| solver | to 1 %%: iterations | ms | as the product asks: iterations | ms | above converged | "
       "longest "
       "between polls, ms |\n|---|---|---|---|---|---|---|\n");
+  nlohmann::json solvers = nlohmann::json::array();
   for (const Variant& variant : variants) {
     const int iterations = iterations_to(kGoal * converged, variant, start);
+    nlohmann::json solver = {
+        {"solver", variant.name}, {"iterations_to_goal", nullptr}, {"ms_to_goal", nullptr}};
     std::printf("| %s | ", variant.name);
     if (iterations > 0) {
-      std::printf("%d | %.1f", iterations, best_of(repeats, variant, start, to_the_end(iterations)).ms);
+      const double ms = best_of(repeats, variant, start, to_the_end(iterations)).ms;
+      solver["iterations_to_goal"] = iterations;
+      solver["ms_to_goal"] = ms;
+      std::printf("%d | %.1f", iterations, ms);
     } else {
       std::printf("not in %d | -", kMostIterations);
     }
     const Run product = best_of(repeats, variant, start, global_options(AdjustmentOptions(), {}));
-    std::printf(" | %d | %.1f | %.2f %% | %.1f |\n", product.report.iterations, product.ms,
-                100 * (product.report.final_cost / converged - 1), longest_poll_gap(variant, start));
+    const double above = 100 * (product.report.final_cost / converged - 1);
+    const double gap = longest_poll_gap(variant, start);
+    std::printf(" | %d | %.1f | %.2f %% | %.1f |\n", product.report.iterations, product.ms, above, gap);
     std::fflush(stdout);
+    solver.update({{"iterations", product.report.iterations},
+                   {"ms", product.ms},
+                   {"above_converged_percent", above},
+                   {"longest_poll_ms", gap}});
+    solvers.push_back(std::move(solver));
   }
+  return {{"problem", name},
+          {"poses", start.poses.size()},
+          {"points", start.points.size()},
+          {"observations", start.observations.size()},
+          {"solvers", std::move(solvers)}};
 }
 
-Status run(const std::vector<std::string>& files, const std::string& only, int repeats) {
+Status run(const std::vector<std::string>& files, const std::string& only, int repeats,
+           const std::string& json) {
   std::vector<Variant> variants;
   for (Variant& v : all_variants()) {
     if (std::string(v.name).starts_with(only)) variants.push_back(std::move(v));
   }
   if (variants.empty()) return fail(ErrorCode::kUsage, only + ": no solver's name begins so");
+  nlohmann::json figures = nlohmann::json::array();
   for (const std::string& file : files) {
     if (file == kSynthetic) {
-      compare(file, synthetic_desk(118, 25'000, 184'000), variants, repeats);
+      figures.push_back(compare(file, synthetic_desk(118, 25'000, 184'000), variants, repeats));
       continue;
     }
     const auto problem = read_bundle(file);
     if (!problem) return tl::unexpected(problem.error());
-    compare(std::filesystem::path(file).filename().string(), *problem, variants, repeats);
+    figures.push_back(compare(std::filesystem::path(file).filename().string(), *problem, variants, repeats));
   }
-  return {};
+  return write_figures(json, figures);
 }
 
 }  // namespace
@@ -218,13 +239,15 @@ int main(int argc, char** argv) {
   CLI::App app("Bundle adjustment: the product's solver beside Ceres, one thread, CPU time");
   std::vector<std::string> files;
   std::string only;
+  std::string json;
   int repeats = 3;
   app.add_option("files", files, "BAL problems, dumps of cairn-engine-run --bundle, or 'synthetic'")
       ->required();
   app.add_option("--only", only, "solvers whose name begins so: own, ceres dense, ...");
   app.add_option("--repeats", repeats, "the shortest of so many runs counts");
+  app.add_option("--json", json, "write the figures here, for write-figures")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
-  if (const auto done = cairn::run(files, only, repeats); !done) {
+  if (const auto done = cairn::run(files, only, repeats, json); !done) {
     cairn::say_error("cairn-ba-bench", done.error().message);
     return cairn::exit_code(done.error().code);
   }

@@ -224,7 +224,7 @@ TABLES = {
         ("CPU p50, ms", "cpu_ms_p50"), ("CPU p99, ms", "cpu_ms_p99"), ("other programs' CPU, %", "other_cpu_percent")))),
     "micro": Table("{function}", (Column("µs", median("us")),), of_functions),
     "growth": Table("from {wanted} on", (
-        Column("points", median("points")), Column("tried", median("attempted")), Column("found", median("found")), Column("CPU p50, ms", median("cpu_ms.p50"), 2),
+        Column("points", median("points")), Column("tried", median("attempted.p50")), Column("found", median("found.p50")), Column("CPU p50, ms", median("cpu_ms.p50"), 2),
         Column("p95", median("cpu_ms.p95"), 2), Column("p99", median("cpu_ms.p99"), 2), Column("of it projection, p50", median("project_ms.p50"), 2))),
     "instructions": Table("{machine}", (Column("million instructions a frame", median("millions"), 2),),
                           lambda counts: [{"machine": machine, "millions": counted / 1e6} for machine, counted in counts.items()]),

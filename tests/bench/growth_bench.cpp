@@ -17,6 +17,7 @@
 #include "client/tracking/tracker.h"
 #include "common/base/log.h"
 #include "server/relocalization/relocalizer.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/mapping_loop.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
@@ -27,6 +28,7 @@ namespace {
 struct Arguments {
   std::string source;
   std::string calibration;
+  std::string json;
   std::vector<size_t> points = {3000, 10'000, 30'000, 100'000};
   size_t frames = 300;
   int rounds = 3;
@@ -205,8 +207,9 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
   }
 }
 
-void print_row(const MapSnapshot& map, const std::vector<FrameCost>& costs,
-               const std::vector<FrameCost>& in_first) {
+/// What was printed.
+nlohmann::json print_row(size_t wanted, const MapSnapshot& map, const std::vector<FrameCost>& costs,
+                         const std::vector<FrameCost>& in_first) {
   std::vector<double> ms, project, attempted, found, growth;
   for (size_t i = 0; i < costs.size(); ++i) {
     if (!costs[i].tracked || !in_first[i].tracked) continue;
@@ -221,6 +224,16 @@ void print_row(const MapSnapshot& map, const std::vector<FrameCost>& costs,
               percentile(found, 0.5), percentile(ms, 0.5), percentile(ms, 0.95), percentile(ms, 0.99),
               percentile(project, 0.5), percentile(project, 0.95), percentile(growth, 0.5),
               percentile(growth, 0.95));
+  return {{"wanted", wanted},
+          {"points", map.point_count()},
+          {"keyframes", map.keyframe_count()},
+          {"tracked", ms.size()},
+          {"frames", costs.size()},
+          {"attempted", spread_json(attempted)},
+          {"found", spread_json(found)},
+          {"cpu_ms", spread_json(ms)},
+          {"project_ms", spread_json(project)},
+          {"more_than_in_first_ms", spread_json(growth)}};
 }
 
 Status run(const Arguments& arguments) {
@@ -235,8 +248,10 @@ Status run(const Arguments& arguments) {
   std::printf(
       "  points    kf   tracked  tried found   CPU ms p50   p95    p99   project ms p50  p95   "
       "more than in the first p50, p95\n");
-  for (size_t m = 0; m < maps.size(); ++m) print_row(*maps[m], costs[m], costs[0]);
-  return {};
+  nlohmann::json figures = nlohmann::json::array();
+  for (size_t m = 0; m < maps.size(); ++m)
+    figures.push_back(print_row(arguments.points[m], *maps[m], costs[m], costs[0]));
+  return write_figures(arguments.json, figures);
 }
 
 }  // namespace
@@ -253,6 +268,7 @@ int main(int argc, char** argv) {
   app.add_option("--frames", arguments.frames, "the last so many of those mapped are tracked");
   app.add_option("--rounds", arguments.rounds, "of each frame the least time of so many counts");
   app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_option("--json", arguments.json, "write the figures here, for write-figures")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
     cairn::say_error("cairn-growth-bench", done.error().message);

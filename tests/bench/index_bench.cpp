@@ -15,6 +15,7 @@
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/test_images.h"
 #include "tests/bench/image_statistics.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
 
@@ -30,6 +31,7 @@ struct Arguments {
   std::vector<std::string> sources;
   std::vector<size_t> sizes = {100, 1000, 10'000, 100'000};
   std::string map;
+  std::string json;
   size_t map_frames = 0;
   size_t every = 5;
   size_t apart = 20;
@@ -175,12 +177,16 @@ Measured measure(const std::vector<Query>& queries, const std::vector<std::vecto
   return measured;
 }
 
-void report(size_t keyframes, const char* what, const Measured& m, const std::string& note) {
+/// What was printed.
+nlohmann::json report(size_t keyframes, const char* what, const Measured& m, const std::string& note) {
+  const double recall_mapped = static_cast<double>(m.found_mapped) / static_cast<double>(m.wanted_mapped);
+  const double recall_elsewhere = static_cast<double>(m.found_else) / static_cast<double>(m.wanted_else);
   std::printf("| %zu | %s | %.0f / %.0f | %.3f, %.3f | %s |\n", keyframes, what, percentile(m.us, 0.5),
-              percentile(m.us, 0.95),
-              static_cast<double>(m.found_mapped) / static_cast<double>(m.wanted_mapped),
-              static_cast<double>(m.found_else) / static_cast<double>(m.wanted_else), note.c_str());
+              percentile(m.us, 0.95), recall_mapped, recall_elsewhere, note.c_str());
   std::fflush(stdout);
+  return {{"keyframes", keyframes},          {"search", what},
+          {"us_p50", percentile(m.us, 0.5)}, {"us_p95", percentile(m.us, 0.95)},
+          {"recall_mapped", recall_mapped},  {"recall_elsewhere", recall_elsewhere}};
 }
 
 /// What a new keyframe costs before it can be found: a version of the index with that map changed.
@@ -197,37 +203,47 @@ double time_change(const PlaceIndex& index) {
   return percentile(us, 0.95);
 }
 
-/// Whole queries about the recorded place.
-void time_answers(const PlaceIndex& index, const RecordedPlace& place, const char* what) {
-  std::vector<double> by_image;
+/// Whole queries about the recorded place; what was printed.
+nlohmann::json time_answers(const PlaceIndex& index, const RecordedPlace& place, const char* what) {
+  std::vector<double> by_images;  // [ms]
   std::vector<double> with_words;
   size_t right = 0;
   for (const PlaceView& view : place.views) {
     const auto begin = std::chrono::steady_clock::now();
     const RelocalizationAnswer answer = relocalize(index, *place.camera, view, RelocOptions());
-    const double us = us_since(begin);
+    const double ms = 1e-3 * us_since(begin);
     const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_image_alone);
-    (is_early ? by_image : with_words).push_back(us);
+    (is_early ? by_images : with_words).push_back(ms);
     if (answer.verdict == RelocalizationVerdict::kConfirmed &&
         answer.candidates.front().map == place.map->snapshot->map)
       ++right;
   }
   std::printf("| %zu | %s | %zu of %zu | %zu: %.1f / %.1f | %zu: %.1f / %.1f |\n", index.keyframe_count(),
-              what, right, place.views.size(), by_image.size(), percentile(by_image, 0.5) * 1e-3,
-              percentile(by_image, 0.95) * 1e-3, with_words.size(), percentile(with_words, 0.5) * 1e-3,
-              percentile(with_words, 0.95) * 1e-3);
+              what, right, place.views.size(), by_images.size(), percentile(by_images, 0.5),
+              percentile(by_images, 0.95), with_words.size(), percentile(with_words, 0.5),
+              percentile(with_words, 0.95));
   std::fflush(stdout);
+  return {{"search", what},
+          {"right", right},
+          {"asked", place.views.size()},
+          {"by_images", spread_json(by_images)},
+          {"with_words", spread_json(with_words)}};
 }
 
-void run_answers(World* world, const RecordedPlace& place, size_t keyframes) {
+void run_answers(World* world, const RecordedPlace& place, size_t keyframes, nlohmann::json* figures) {
   world->grow_to(keyframes);
-  time_answers(world->index, place, "scan");
+  const auto time = [&](const char* what) {
+    nlohmann::json row = time_answers(world->index, place, what);
+    row["keyframes"] = keyframes;
+    figures->push_back(std::move(row));
+  };
+  time("queries by the scan");
   world->index.set_forest(plant_forest(world->index, 0, ForestOptions()));
-  time_answers(world->index, place, "forest");
+  time("queries by the forest");
   world->index.set_forest(nullptr);
 }
 
-void run_size(World* world, size_t keyframes, size_t count) {
+void run_size(World* world, size_t keyframes, size_t count, nlohmann::json* figures) {
   world->grow_to(keyframes);
   const std::vector<Query> queries = world->ask(count);
   std::vector<std::vector<Ranked>> exact;
@@ -238,13 +254,16 @@ void run_size(World* world, size_t keyframes, size_t count) {
       return NearImages(index, query, search).most_similar(most);
     });
   };
-  report(keyframes, "all tiny images",
-         measure(queries, exact, kWanted,
-                 [&](const auto& query) { return compare_all(index, query, kShortlist); }),
-         fmt::format("change {:.0f} us", time_change(index)));
-  report(keyframes, "scan of compact images", look(kWanted, kShortlist, ImageSearch::kScan),
-         fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactImage)) * 1e-6));
-  report(keyframes, "scan, for the fused order", look(kFused, kFused, ImageSearch::kScan), "");
+  const auto tell = [&](const char* what, const Measured& measured, const std::string& note) {
+    figures->push_back(report(keyframes, what, measured, note));
+  };
+  tell("all tiny images",
+       measure(queries, exact, kWanted,
+               [&](const auto& query) { return compare_all(index, query, kShortlist); }),
+       fmt::format("change {:.0f} us", time_change(index)));
+  tell("scan of compact images", look(kWanted, kShortlist, ImageSearch::kScan),
+       fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactImage)) * 1e-6));
+  tell("scan, for the fused order", look(kFused, kFused, ImageSearch::kScan), "");
   const auto begin = std::chrono::steady_clock::now();
   ImageForestPtr forest = plant_forest(index, 0, ForestOptions());
   const double planted_us = us_since(begin);
@@ -252,11 +271,11 @@ void run_size(World* world, size_t keyframes, size_t count) {
   const auto adopted = std::chrono::steady_clock::now();
   index.set_forest(std::move(forest));
   const double adopted_us = us_since(adopted);
-  report(keyframes, "forest", look(kWanted, kShortlist, ImageSearch::kForest),
-         fmt::format("planted in {:.0f} ms, {:.1f} MB; adopted in {:.1f} ms; change {:.0f} us",
-                     planted_us * 1e-3, static_cast<double>(bytes) * 1e-6, adopted_us * 1e-3,
-                     time_change(index)));
-  report(keyframes, "forest, for the fused order", look(kFused, kFused, ImageSearch::kForest), "");
+  tell("forest", look(kWanted, kShortlist, ImageSearch::kForest),
+       fmt::format("planted in {:.0f} ms, {:.1f} MB; adopted in {:.1f} ms; change {:.0f} us",
+                   planted_us * 1e-3, static_cast<double>(bytes) * 1e-6, adopted_us * 1e-3,
+                   time_change(index)));
+  tell("forest, for the fused order", look(kFused, kFused, ImageSearch::kForest), "");
   index.set_forest(nullptr);
 }
 
@@ -269,19 +288,22 @@ Status run(const Arguments& arguments) {
       "| keyframes | search | us p50 / p95 | recall@%zu (fused order: @%zu): mapped place, elsewhere | "
       "|\n|---|---|---|---|---|\n",
       kWanted, kFused);
+  nlohmann::json figures = {{"searches", nlohmann::json::array()}, {"answers", nlohmann::json::array()}};
   {
     World world(*statistics, nullptr, arguments.seed);
-    for (const size_t keyframes : arguments.sizes) run_size(&world, keyframes, arguments.queries);
+    for (const size_t keyframes : arguments.sizes)
+      run_size(&world, keyframes, arguments.queries, &figures["searches"]);
   }
-  if (arguments.map.empty()) return {};
+  if (arguments.map.empty()) return write_figures(arguments.json, figures);
   const auto recorded = record_place(arguments.map, arguments.map_frames, arguments.queries);
   if (!recorded) return tl::unexpected(recorded.error());
   std::printf(
       "| keyframes | search | confirmed in their map | by images: ms p50 / p95 | with words |\n"
       "|---|---|---|---|---|\n");
   World world(*statistics, &*recorded, arguments.seed);
-  for (const size_t keyframes : arguments.sizes) run_answers(&world, *recorded, keyframes);
-  return {};
+  for (const size_t keyframes : arguments.sizes)
+    run_answers(&world, *recorded, keyframes, &figures["answers"]);
+  return write_figures(arguments.json, figures);
 }
 
 }  // namespace
@@ -298,6 +320,7 @@ int main(int argc, char** argv) {
   app.add_option("--map", arguments.map, "a recording: whole queries about its place are timed, too");
   app.add_option("--map-frames", arguments.map_frames,
                  "frames that its map is made of; the others are asked about");
+  app.add_option("--json", arguments.json, "write the figures here, for write-figures")->type_name("FILE");
   app.add_option("--keyframes", arguments.sizes, "ascending");
   app.add_option("--queries", arguments.queries, "for each number of keyframes");
   app.add_option("--seed", arguments.seed, "of the images");

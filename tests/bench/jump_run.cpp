@@ -15,6 +15,7 @@
 #include "common/base/log.h"
 #include "common/io/text.h"
 #include "tests/bench/engine_link.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/jump_judge.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
@@ -30,6 +31,7 @@ struct Arguments {
   std::vector<std::string> places;  ///< name, source, truth, frames mapped, tolerance [m], and so on
   std::vector<std::string> others;
   std::string jumps;
+  std::string json;
   uint64_t seed = 1;
   bool check = false;
   bool verbose = false;
@@ -161,6 +163,26 @@ std::string text(const std::optional<size_t>& frame) {
   return frame ? fmt::format("{}", *frame) : "-";
 }
 
+/// Null for no frame.
+nlohmann::json json_of(const std::optional<size_t>& frame) {
+  return frame ? nlohmann::json(*frame) : nlohmann::json();
+}
+
+Status write_outcomes(const std::vector<Jump>& jumps, const JumpObserver& observer, const std::string& path) {
+  nlohmann::json figures = nlohmann::json::array();
+  for (size_t j = 0; j < jumps.size(); ++j) {
+    const JumpOutcome o = judge_jump(observer.piece(j));
+    figures.push_back({{"place", jumps[j].place},
+                       {"first_frame", jumps[j].first_frame},
+                       {"right", json_of(o.right)},
+                       {"published", json_of(o.published)},
+                       {"wrong_map", o.wrong_map},
+                       {"wrong_pose", o.wrong_pose},
+                       {"without", o.without}});
+  }
+  return write_figures(path, figures);
+}
+
 /// What must hold: every jump recovered, half of them by the second frame, no pose wrong.
 Status report(const std::vector<Jump>& jumps, const JumpObserver& observer, bool check) {
   std::vector<double> right;
@@ -241,6 +263,7 @@ Status run(const Arguments& arguments) {
   std::printf("maps %zu keyframes %zu\n", index.maps().size(), index.keyframe_count());
   std::printf("queries %zu; answer p50 %.2f p95 %.2f ms\n", link.answer_ms().size(),
               percentile(link.answer_ms(), 0.5), percentile(link.answer_ms(), 0.95));
+  if (Status done = write_outcomes(*jumps, observer, arguments.json); !done) return done;
   return report(*jumps, observer, arguments.check);
 }
 
@@ -256,6 +279,7 @@ int main(int argc, char** argv) {
   app.add_option("--jumps", arguments.jumps, "rows `name first_frame`, in the order they are played")
       ->required();
   app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_option("--json", arguments.json, "write the figures here, for write-figures")->type_name("FILE");
   app.add_flag("--check", arguments.check,
                "ends with 1 unless all jumps are recovered, in 2 frames at the median, and no pose is wrong");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");

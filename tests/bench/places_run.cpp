@@ -20,6 +20,7 @@
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/votes.h"
 #include "tests/bench/answer_times.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/light.h"
 #include "tests/bench/mapped_places.h"
 #include "tests/bench/recall.h"
@@ -30,6 +31,7 @@ namespace {
 
 struct Arguments {
   PlacesOptions places;
+  std::string json;
   bool ours_alone = false;
   bool check = false;
   bool check_times = false;
@@ -271,6 +273,23 @@ void print_total(const char* method, const std::string& light, const Score& s) {
               percentile(s.times.all(), 0.5), percentile(s.times.all(), 0.95));
 }
 
+/// As print_total().
+nlohmann::json total_json(const char* method, const std::string& light, const Score& s) {
+  const Recall& r = s.recall;
+  return {{"method", method},
+          {"light", light},
+          {"in_view", r.in_view},
+          {"right", r.right},
+          {"elsewhere", r.elsewhere},
+          {"answered_elsewhere", r.answered_else},
+          {"wrong_map", r.wrong_map},
+          {"wrong_pose", r.wrong_pose},
+          {"foreign", s.foreign},
+          {"claimed", s.claimed},
+          {"by_images", spread_json(s.times.by_image())},
+          {"with_words", spread_json(s.times.by_words())}};
+}
+
 /// Of our answers: what must hold and does not, a line each.
 std::vector<std::string> complaints(const std::vector<Scores>& totals) {
   constexpr double kLeastRecall = 0.95;
@@ -342,9 +361,13 @@ Status examine_places(const Arguments& arguments) {
       "%-15s %-12s | in view, right | elsewhere, answered | wrong map, of all | wrong pose | "
       "own map taken away: asked, claimed | ms p50 p95\n",
       "method", "light");
+  nlohmann::json lights = nlohmann::json::array();
   for (size_t m = 0; m < (arguments.ours_alone ? 1 : kMethods); ++m) {
-    for (size_t l = 0; l < totals.size(); ++l)
-      print_total(kMethodNames[m], to_string(lights_to_stand()[l]), totals[l][m]);
+    for (size_t l = 0; l < totals.size(); ++l) {
+      const std::string light = to_string(lights_to_stand()[l]);
+      print_total(kMethodNames[m], light, totals[l][m]);
+      lights.push_back(total_json(kMethodNames[m], light, totals[l][m]));
+    }
   }
   std::printf("ours, as recorded: %s\nours, all lights: %s\n", totals[0][0].times.text().c_str(),
               times_in_all_lights(totals).text().c_str());
@@ -353,6 +376,8 @@ Status examine_places(const Arguments& arguments) {
       std::printf("%s: declared in the list not to show what is mapped, and so never in view\n",
                   place.name.c_str());
   }
+  const nlohmann::json figures = {{"lights", std::move(lights)}};
+  if (Status done = write_figures(arguments.json, figures); !done) return done;
   return judge_run(*places, totals, arguments);
 }
 
@@ -378,6 +403,7 @@ void add_options(CLI::App& app, Arguments* arguments) {
                  "what is made is kept there")
       ->type_name("FOLDER");
   app.add_flag("--ours", arguments->ours_alone, "no baselines");
+  app.add_option("--json", arguments->json, "write the figures here, for write-figures")->type_name("FILE");
   app.add_option("--seed", arguments->places.seed, "of every random choice")
       ->type_name("NUMBER")
       ->capture_default_str();

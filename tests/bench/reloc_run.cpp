@@ -15,6 +15,7 @@
 #include "common/io/text.h"
 #include "server/relocalization/relocalizer.h"
 #include "tests/bench/answer_times.h"
+#include "tests/bench/json_file.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
 #include "tests/bench/truth.h"
@@ -23,7 +24,7 @@ namespace cairn {
 namespace {
 
 struct Arguments {
-  std::string source, calibration, queries, sequence, truth;
+  std::string source, calibration, queries, sequence, truth, json;
   std::vector<std::string> foreign;
   std::vector<std::string> others;
   std::string method = "improved";
@@ -52,6 +53,15 @@ Result<std::map<uint64_t, bool>> read_queries(const Arguments& arguments) {
 
 struct Tally {
   int asked = 0, answered = 0, right = 0, wrong = 0, verified_right = 0, verified_wrong = 0;
+
+  [[nodiscard]] nlohmann::json json() const {
+    return {{"asked", asked},
+            {"answered", answered},
+            {"right", right},
+            {"wrong", wrong},
+            {"verified_right", verified_right},
+            {"verified_wrong", verified_wrong}};
+  }
 };
 
 class Judge {
@@ -99,6 +109,13 @@ class Judge {
       std::printf("%5lu   tracker: %s\n", static_cast<unsigned long>(frame.index), text(*off).c_str());
     }
     return true;
+  }
+
+  [[nodiscard]] nlohmann::json json() const {
+    return {{"sequence", arguments_.sequence},
+            {"method", arguments_.method},
+            {"in_view", in_view_.json()},
+            {"elsewhere", elsewhere_.json()}};
   }
 
   /// What must hold: no answer wrong, nor a pose that the tracker believes.
@@ -176,9 +193,10 @@ struct Verification {
 };
 constexpr uint64_t kVerificationFrames = 3;  // as the peers were judged
 
-/// Asks for the listed frames among those that are left in the source.
-void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
-         const MapSnapshotPtr& map, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
+/// Asks for the listed frames among those that are left in the source; how long the answers took.
+AnswerTimes ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
+                const MapSnapshotPtr& map, const PlaceIndex& index, const RelocOptions& options,
+                Judge* judge) {
   std::vector<double> describe_ms;
   AnswerTimes times;
   Verification verification;
@@ -218,6 +236,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
   }
   std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; %s\n", index.maps().size(),
               index.keyframe_count(), percentile(describe_ms, 0.5), times.text().c_str());
+  return times;
 }
 
 Status run(const Arguments& arguments) {
@@ -243,10 +262,14 @@ Status run(const Arguments& arguments) {
   RelocOptions options;
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;
   Judge judge(arguments, truth, *truth_from_map);
-  ask(source->get(), *queries, *camera, mapped->map->snapshot, index, options, &judge);
+  const AnswerTimes times =
+      ask(source->get(), *queries, *camera, mapped->map->snapshot, index, options, &judge);
   for (const std::string& foreign : arguments.foreign) {
     if (const Status done = ask_foreign(foreign, index, options, arguments.verbose); !done) return done;
   }
+  nlohmann::json figures = judge.json();
+  figures["answer_ms"] = spread_json(times.all());
+  if (const Status done = write_figures(arguments.json, figures); !done) return done;
   return judge.report();
 }
 
@@ -268,6 +291,7 @@ int main(int argc, char** argv) {
   app.add_option("--method", arguments.method, "improved or paper")
       ->check(CLI::IsMember({"improved", "paper"}));
   app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_option("--json", arguments.json, "write the figures here, for write-figures")->type_name("FILE");
   app.add_flag("--check", arguments.check, "ends with 1 if any answer or pose is wrong");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per query");
   CLI11_PARSE(app, argc, argv);
