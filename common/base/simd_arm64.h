@@ -22,6 +22,11 @@ CAIRN_INLINE int round_to_int(float value) {
   return vcvtns_s32_f32(value);
 }
 
+/// Each lane into the next one: the first is 0, the last is gone.
+CAIRN_INLINE I16x8 move_up(I16x8 v) {
+  return CAIRN_LANES(I16x8{}, v, 0, 8, 9, 10, 11, 12, 13, 14);
+}
+
 // ---- Halves of wide vectors
 
 CAIRN_INLINE I16x8 lower_half(I16x16 v) {

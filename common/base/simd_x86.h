@@ -24,6 +24,11 @@ CAIRN_INLINE int round_to_int(float value) {
   return _mm_cvtss_si32(_mm_set_ss(value));
 }
 
+/// Each lane into the next one: the first is 0, the last is gone.
+CAIRN_INLINE I16x8 move_up(I16x8 v) {
+  return (I16x8)_mm_slli_si128((__m128i)v, 2);
+}
+
 // ---- Halves of wide vectors
 
 CAIRN_WIDE CAIRN_INLINE F32x4 lower_half(F32x8 v) {

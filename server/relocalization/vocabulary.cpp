@@ -22,10 +22,11 @@ CellList nearest_cells(const Descriptor& descriptor) {
   // branch, whose outcome nothing could foretell: what is greater moves up by one. Even and odd cells go by
   // themselves, since each step waits for the one before.
   static_assert(kProbedCells == 8 && kVocabularyCells == 256, "a vector of keys of 16 bits");
-  const I16x8 least = I16x8{} + std::numeric_limits<int16_t>::min();
+  const I16x8 least = {std::numeric_limits<int16_t>::min()};
   const auto insert = [&](int16_t key, I16x8* best) {
-    const I16x8 moved_up = CAIRN_LANES(*best, least, 8, 0, 1, 2, 3, 4, 5, 6);
-    const I16x8 lower = *best < key ? *best : I16x8{} + key;
+    const I16x8 moved_up = move_up(*best) | least;
+    const I16x8 keys = I16x8{} + key;
+    const I16x8 lower = *best < keys ? *best : keys;
     *best = moved_up > lower ? moved_up : lower;
   };
   const auto key_of = [&](int cell) {
