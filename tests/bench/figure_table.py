@@ -109,7 +109,8 @@ def cell(now, before, digits=None):
     if now is None or before is None or number(now, digits) == number(before, digits):
         return number(now, digits)
     sign = "+" if now > before else "-"
-    return f"{number(now, digits)} ({sign}{number(abs(now - before), digits)})"
+    difference = abs(float(number(now, digits)) - float(number(before, digits)))  # of what is printed
+    return f"{number(now, digits)} ({sign}{number(difference, digits)})"
 
 
 def render(table, kept):
