@@ -12,7 +12,7 @@ class FileDescriptor {
  public:
   explicit FileDescriptor(int value = -1) : value_(value) {}
   ~FileDescriptor() {
-    if (value_ >= 0) close(value_);
+    if (value_ >= 0) ::close(value_);
   }
   FileDescriptor(FileDescriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {

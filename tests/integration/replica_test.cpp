@@ -14,7 +14,7 @@ namespace cairn {
 namespace {
 
 using namespace std::chrono_literals;
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 constexpr unsigned kSeed = 555;
 constexpr uint32_t kBlocks = 40;
@@ -56,7 +56,7 @@ class Ledger {
  public:
   void published(const MapSnapshot& map) {
     const std::scoped_lock lock(mutex_);
-    entries_[map.revision] = {hash_of(map), Clock::now()};
+    entries_[map.revision] = {hash_of(map), Steady::now()};
   }
   void shown(const MapSnapshot& map) {
     const std::scoped_lock lock(mutex_);
@@ -65,16 +65,16 @@ class Ledger {
     EXPECT_EQ(hash_of(map), entry->second.hash) << "revision " << map.revision.value << " is half another";
   }
   /// For how long the replica has lacked the first revision that it has not.
-  [[nodiscard]] Clock::duration lag(Revision shown) const {
+  [[nodiscard]] Steady::duration lag(Revision shown) const {
     const std::scoped_lock lock(mutex_);
     const auto missing = entries_.upper_bound(shown);
-    return missing == entries_.end() ? Clock::duration::zero() : Clock::now() - missing->second.time;
+    return missing == entries_.end() ? Steady::duration::zero() : Steady::now() - missing->second.time;
   }
 
  private:
   struct Entry {
     uint64_t hash = 0;
-    Clock::time_point time;
+    Steady::time_point time;
   };
   mutable std::mutex mutex_;
   std::map<Revision, Entry> entries_;
@@ -104,10 +104,10 @@ TEST(Replica, UnderContinuousAdjustmentsAndLossIsNeverFarBehindAndNeverHalfARevi
 
   MapSnapshotPtr last;
   int swaps = 0;
-  Clock::duration worst{};
-  const auto end = Clock::now() + 10s;  // length of the experiment, not a limit
-  for (auto due = Clock::now(); Clock::now() < end;) {
-    if (Clock::now() >= due) {
+  Steady::duration worst{};
+  const auto end = Steady::now() + 10s;  // length of the experiment, not a limit
+  for (auto due = Steady::now(); Steady::now() < end;) {
+    if (Steady::now() >= due) {
       due += 33ms;
       publish();
     }
@@ -128,7 +128,7 @@ TEST(Replica, UnderContinuousAdjustmentsAndLossIsNeverFarBehindAndNeverHalfARevi
   EXPECT_LE(worst_seconds, 1.0);
   EXPECT_GE(swaps, 15);
   EXPECT_TRUE(testing::eventually([&] {
-    return ledger.lag(session->snapshot()->revision) == Clock::duration::zero();
+    return ledger.lag(session->snapshot()->revision) == Steady::duration::zero();
   })) << "once the adjustments end, the replica is complete";
 }
 
