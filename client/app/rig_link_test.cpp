@@ -3,12 +3,17 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/ostream_sink.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <mutex>
 #include <sstream>
+#include <stdexcept>
+#include <string_view>
 #include <thread>
+#include <utility>
 
 #include "common/wire/log_redirect.h"
 #include "common/wire/partition.h"
@@ -34,13 +39,17 @@ class RigLinkTest : public ::testing::Test {
       options.domain = 100 + (static_cast<uint32_t>(getpid()) * 11 + i) % kDomains;
       if (auto made = wire::Participant::create(options)) rig_.emplace(*std::move(made));
     }
+    domain_ = static_cast<int>(options.domain);
     ASSERT_TRUE(rig_);
     states_.emplace(wire::Writer<wire::RigState>::create(*rig_, wire::rig_partition("shoulder")).value());
-    auto link =
-        RigLink::open({"shoulder", "tracker", static_cast<int>(options.domain), RigAim::kFollow, log_});
+    state_.rig = "shoulder";
+    open_link(log_);
+  }
+  void open_link(const Logger& log) {
+    link_.reset();
+    auto link = RigLink::open({"shoulder", "tracker", domain_, RigAim::kFollow, log});
     ASSERT_TRUE(link) << link.error().message;
     link_ = *std::move(link);
-    state_.rig = "shoulder";
   }
 
   /// Says states of a hundredth of a second each, until that holds.
@@ -62,6 +71,7 @@ class RigLinkTest : public ::testing::Test {
   std::ostringstream said_;
   const Logger log_ =
       std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said_));
+  int domain_ = 0;
   std::optional<wire::Participant> rig_;
   std::optional<wire::Writer<wire::RigState>> states_;
   std::unique_ptr<RigLink> link_;
@@ -80,6 +90,32 @@ TEST_F(RigLinkTest, SamplesOfTheRigAreForTheTrackerOnceItKnowsHowTheImuSits) {
   EXPECT_EQ(link_->imu().mount()->clock_offset, -2ms);
   link_.reset();  // and with it the thread that speaks
   EXPECT_THAT(said_.str(), HasSubstr("`cairn-rig calibrate` finds it out"));
+  EXPECT_THAT(said_.str(), HasSubstr("its gyro is used"));
+}
+
+/// What goes wrong with a state: here nobody takes what is to be said of its IMU.
+TEST_F(RigLinkTest, WhatAnExchangeThrowsIsToldAndTheNextStateIsHeard) {
+  struct FullOnce : spdlog::sinks::base_sink<std::mutex> {
+    explicit FullOnce(std::ostream* out) : out_(*out) {}
+    void sink_it_(const spdlog::details::log_msg& message) override {
+      if (std::exchange(is_full_, false)) throw std::runtime_error("the log is full, as it were");
+      out_ << std::string_view(message.payload.data(), message.payload.size()) << '\n';
+    }
+    void flush_() override {}
+
+   private:
+    std::ostream& out_;
+    bool is_full_ = true;
+  };
+  const auto log = std::make_shared<spdlog::logger>("test", std::make_shared<FullOnce>(&said_));
+  log->set_error_handler([](const std::string& what) { throw std::runtime_error(what); });
+  open_link(log);
+  ASSERT_TRUE(until([this] { return taken_.size() > 20; }));
+  state_.camera_from_imu = Eigen::Quaterniond::Identity();
+  state_.calibrated_offset = 2'000'000;
+  ASSERT_TRUE(until([this] { return link_->imu().mount().has_value(); }));
+  link_.reset();  // and with it the thread that speaks
+  EXPECT_THAT(said_.str(), HasSubstr("rig shoulder: the log is full"));
   EXPECT_THAT(said_.str(), HasSubstr("its gyro is used"));
 }
 

@@ -17,10 +17,10 @@ constexpr std::chrono::milliseconds kLookInterval{1000};
 
 Result<std::unique_ptr<Connection>> Connection::open(SharedCore& core,
                                                      const wire::ParticipantOptions& options,
-                                                     wire::ImageEncoding encoding, FindPath find_path,
+                                                     wire::ImageEncoding encoding, Network network,
                                                      Logger log) {
   std::unique_ptr<Connection> made(
-      new Connection(core, options, encoding, std::move(find_path), std::move(log)));
+      new Connection(core, options, encoding, std::move(network), std::move(log)));
   auto link = made->make_link();
   if (!link) return tl::unexpected(link.error());
   made->link_ = std::move(*link);
@@ -31,11 +31,11 @@ Result<std::unique_ptr<Connection>> Connection::open(SharedCore& core,
 }
 
 Connection::Connection(SharedCore& core, wire::ParticipantOptions options, wire::ImageEncoding encoding,
-                       FindPath find_path, Logger log)
+                       Network network, Logger log)
     : core_(core),
       options_(std::move(options)),
       encoding_(encoding),
-      find_path_(std::move(find_path)),
+      network_(std::move(network)),
       log_(std::move(log)) {}
 
 Connection::~Connection() {
@@ -69,20 +69,17 @@ wire::NetworkPath Connection::path() const {
 }
 
 Result<std::unique_ptr<Connection::Link>> Connection::make_link() {
-  auto participant = wire::Participant::create(options_);
+  auto participant = network_.join(options_);
   if (!participant) return tl::unexpected(participant.error());
   core_.stop(false);
   core_.apply([](SessionCore& core) { core.joined_anew(); });
-  auto link = std::make_unique<Link>(Link{*std::move(participant), nullptr, nullptr});
+  std::unique_ptr<Link> link(new Link{core_, *std::move(participant), nullptr, nullptr});
   const std::string name = core_.look([](const SessionCore& core) { return core.options().name; });
   auto receiver = Receiver::start(core_, memory_, link->participant, name, log_);
   if (!receiver) return tl::unexpected(receiver.error());
   link->receiver = std::move(*receiver);
   auto sender = Sender::start(core_, link->participant, wire::client_partition(name), encoding_, log_);
-  if (!sender) {
-    core_.stop(true);
-    return tl::unexpected(sender.error());
-  }
+  if (!sender) return tl::unexpected(sender.error());
   link->sender = std::move(*sender);
   return link;
 }
@@ -102,13 +99,10 @@ void Connection::take_down() {
 
 void Connection::join_anew() {
   take_down();
+  path_watch_->left();  // until that has succeeded, however it fails
   for (auto& [map, copy] : memory_.maps) copy.labels.orphan_all(std::chrono::steady_clock::now());
   auto link = make_link();
-  if (!link) {
-    path_watch_->left();
-    log_->warn("cannot join anew yet: {}", link.error().message);
-    return;
-  }
+  if (!link) return log_->warn("cannot join anew yet: {}", link.error().message);
   const wire::NetworkPath path = (*link)->participant.path();
   path_watch_->joined(path);
   const std::scoped_lock lock(mutex_);
@@ -152,7 +146,7 @@ void Connection::watch() {
 
 /// The server is silent: by another network, or with keys that were renewed, it may be heard.
 void Connection::look_for_a_way() {
-  const PathWatch::Advice advice = path_watch_->compare(find_path_(options_));
+  const PathWatch::Advice advice = path_watch_->compare(network_.find_path(options_));
   if (!advice.text.empty()) log_->warn("{}", advice.text);
   const bool has_renewed = has_newer_keys();
   if (has_renewed) log_->info("the keys of {} were renewed: joining anew with them", options_.security);

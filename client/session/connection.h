@@ -25,12 +25,18 @@ class Connection {
  public:
   /// Where a participant with these options would stand (wire::find_path()), or stands in for it in tests.
   using FindPath = std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)>;
+  /// wire::Participant::create(), or what stands in for it in tests.
+  using Join = std::function<Result<wire::Participant>(const wire::ParticipantOptions&)>;
+  struct Network {
+    FindPath find_path;
+    Join join;
+  };
 
   /// Joins; does not wait for the server. `core` outlives it.
   [[nodiscard]] static Result<std::unique_ptr<Connection>> open(SharedCore& core,
                                                                 const wire::ParticipantOptions& options,
-                                                                wire::ImageEncoding encoding,
-                                                                FindPath find_path, Logger log);
+                                                                wire::ImageEncoding encoding, Network network,
+                                                                Logger log);
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -42,15 +48,19 @@ class Connection {
   [[nodiscard]] wire::NetworkPath path() const;
 
  private:
-  /// In order of construction: the threads go first, the participant last.
+  /// In order of construction: the threads go first, the participant last. Where it is left half made, by an
+  /// exception too, its threads are told to end before they are waited for.
   struct Link {
+    SharedCore& core;
     wire::Participant participant;
     std::unique_ptr<Receiver> receiver;
     std::unique_ptr<Sender> sender;
+
+    ~Link() { core.stop(true); }
   };
 
   Connection(SharedCore& core, wire::ParticipantOptions options, wire::ImageEncoding encoding,
-             FindPath find_path, Logger log);
+             Network network, Logger log);
 
   [[nodiscard]] Result<std::unique_ptr<Link>> make_link();
   void take_down();
@@ -65,14 +75,14 @@ class Connection {
   const wire::ParticipantOptions options_;
   std::string keys_trouble_;  ///< as told; of the thread that watches
   const wire::ImageEncoding encoding_;
-  const FindPath find_path_;
+  const Network network_;
   const Logger log_;
   ReceiverMemory memory_;
 
   mutable std::mutex mutex_;  ///< of what follows; never held while DDS entities are made or closed
   std::condition_variable for_watch_;
   bool closing_ = false;
-  std::unique_ptr<Link> link_;  ///< null: while it is made anew
+  std::unique_ptr<Link> link_;  ///< null: while it is made anew, and until that succeeds
   wire::Traffic past_traffic_;
   wire::NetworkPath path_;  ///< the last one joined on
 

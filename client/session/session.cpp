@@ -71,8 +71,9 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   auto state = std::make_unique<State>(SessionCore(options, camera, random_session), log);
   const auto encoding =
       participant->profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
-  auto connection = Connection::open(state->core, *participant, encoding,
-                                     options.find_path ? options.find_path : wire::find_path, std::move(log));
+  const Connection::Network network{options.find_path ? options.find_path : wire::find_path,
+                                    options.join ? options.join : wire::Participant::create};
+  auto connection = Connection::open(state->core, *participant, encoding, network, std::move(log));
   if (!connection) return tl::unexpected(connection.error());
   state->connection = std::move(*connection);
   return std::unique_ptr<Session>(new Session(std::move(state)));

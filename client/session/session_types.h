@@ -37,6 +37,8 @@ struct SessionOptions {
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
   /// In tests: how the way to a silent server is looked up; empty: wire::find_path().
   std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)> find_path;
+  /// In tests: how the domain is joined; empty: wire::Participant::create().
+  std::function<Result<wire::Participant>(const wire::ParticipantOptions&)> join;
 };
 
 enum class ServerLink : uint8_t { kConnecting, kConnected, kGone, kRestarted, kRefused };

@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
 #include <numbers>
 #include <random>
+#include <stdexcept>
 
 #include "common/geometry/se3.h"
 #include "hw/app/bridge_bench.h"
@@ -247,9 +249,11 @@ class OffsetWatches : public ::testing::Test {
   std::optional<wire::RigCameraClock> last_;
 
  protected:
+  std::atomic<int> failures_{0};  ///< of those who are told, that are still to come
   OffsetWatch watch_{null_logger(),
                      [this](const wire::RigCameraClock& clock) {
                        const std::lock_guard lock(mutex_);
+                       if (failures_ > 0 && failures_-- > 0) throw std::runtime_error("nobody is told");
                        last_ = clock;
                        changed_.notify_all();
                      },
@@ -275,6 +279,16 @@ TEST_F(OffsetWatches, WithdrawWhatIsOfTheCameraOfAnotherTracker) {
   turn(30, {2});
   ASSERT_TRUE(comes_to(true));
   EXPECT_NEAR(offset(), 0.05, 0.002);
+}
+
+TEST_F(OffsetWatches, TellAgainWhatCouldNotBeTold) {
+  failures_ = 1;
+  turn(0, {1});
+  ASSERT_TRUE(comes_to(true));
+  failures_ = 2;
+  watch_.see({Timestamp::from_seconds(20), stands(20)}, {2});
+  EXPECT_TRUE(comes_to(false));
+  EXPECT_EQ(failures_, 0);
 }
 
 /// Before, what had been told held for good.

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <exception>
 #include <utility>
 
 namespace cairn {
@@ -50,26 +51,44 @@ void OffsetWatch::see(const CameraRotation& rotation, SessionId tracker) {
 }
 
 void OffsetWatch::run() {
+  bool withdraws_later = false;
   std::unique_lock lock(mutex_);
   while (!ends_) {
     changed_.wait_for(lock, period_, [this] { return ends_ || is_other_camera_; });
-    const bool is_other_camera = std::exchange(is_other_camera_, false);
+    const bool withdraws_now = std::exchange(withdraws_later, false);
+    const bool is_other_camera = std::exchange(is_other_camera_, false) || withdraws_now;
     if (ends_ || (!is_other_camera && !std::exchange(has_news_, false))) continue;
     const ClockOffset sensed = sensed_;
     lock.unlock();
+    const bool is_done = work(sensed, is_other_camera);
+    lock.lock();
+    withdraws_later = !is_done && is_other_camera;
+    has_news_ = has_news_ || !is_done;
+  }
+}
+
+/// False where it failed.
+bool OffsetWatch::work(const ClockOffset& sensed, bool is_other_camera) {
+  try {
     if (is_other_camera) {
       withdraw("another tracker has the camera");
     } else {
       estimate(sensed);
     }
-    lock.lock();
+    return true;
+  } catch (const std::exception& error) {
+    if (warning_.due())
+      log_->error("offset of the camera's clock: {}; it is tried again, and until then the last one holds",
+                  error.what());
+    return false;
   }
 }
 
 void OffsetWatch::withdraw(const std::string& why) {
-  if (!std::exchange(told_, std::nullopt)) return;
-  log_->info("the offset of the camera's stamps is as configured again: {}", why);
+  if (!told_) return;
   tell_({});
+  told_.reset();
+  log_->info("the offset of the camera's stamps is as configured again: {}", why);
 }
 
 void OffsetWatch::estimate(const ClockOffset& sensed) {
@@ -85,8 +104,8 @@ void OffsetWatch::estimate(const ClockOffset& sensed) {
   if (!told_ || std::abs(static_cast<double>(clock->offset - told_->offset)) > kWorthTelling)
     log_->info("stamps of the camera lack {:.1f} ms to the IMU's, known to {:.1f} ms",
                static_cast<double>(clock->offset) * 1e-6, static_cast<double>(clock->sigma) * 1000);
-  told_ = clock;
   tell_(*clock);
+  told_ = clock;
 }
 
 }  // namespace cairn

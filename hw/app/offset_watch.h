@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/rig_messages.h"
 #include "hw/calibration/clock_offset.h"
 
@@ -22,6 +23,7 @@ namespace cairn {
 /// with a thread of its own: that takes some hundredths of a second. Where the camera does not turn,
 /// or nobody tracks it, the last estimate holds; it is withdrawn (told as not known) where gyro and camera do
 /// not turn alike any more, and when another tracker has the camera. Stamps of both are of the rig's clock.
+/// What fails by an exception is logged and tried again after a `period`.
 /// Thread-safe.
 class OffsetWatch {
  public:
@@ -38,6 +40,7 @@ class OffsetWatch {
 
  private:
   void run();
+  [[nodiscard]] bool work(const ClockOffset& sensed, bool is_other_camera);
   void estimate(const ClockOffset& sensed);
   void withdraw(const std::string& why);
 
@@ -45,6 +48,7 @@ class OffsetWatch {
   const Teller tell_;
   const std::chrono::milliseconds period_;
   std::optional<wire::RigCameraClock> told_;  ///< of the thread
+  RateLimit warning_;                         ///< of the thread
   std::mutex mutex_;                          ///< for what follows
   std::condition_variable changed_;
   ClockOffset sensed_;

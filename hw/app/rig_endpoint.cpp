@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw/app/rig_endpoint.h"
 
+#include <exception>
 #include <utility>
 
 namespace cairn {
@@ -23,16 +24,17 @@ Result<std::unique_ptr<RigEndpoint>> RigEndpoint::create(const wire::Participant
   auto states = wire::Writer<wire::RigState>::create(*participant, wire::rig_partition(rig));
   if (!states) return tl::unexpected(states.error());
   if (Status attached = waiter->attach({commands, poses}); !attached) return tl::unexpected(attached.error());
-  return std::unique_ptr<RigEndpoint>(new RigEndpoint(rig, *std::move(participant), std::move(commands),
-                                                      std::move(poses), *std::move(states),
-                                                      *std::move(waiter)));
+  return std::unique_ptr<RigEndpoint>(new RigEndpoint(rig, options.log, *std::move(participant),
+                                                      std::move(commands), std::move(poses),
+                                                      *std::move(states), *std::move(waiter)));
 }
 
-RigEndpoint::RigEndpoint(std::string rig, wire::Participant participant,
+RigEndpoint::RigEndpoint(std::string rig, Logger log, wire::Participant participant,
                          wire::Reader<wire::RigCommand> commands,
                          wire::Reader<wire::TrackerStateMessage> poses, wire::Writer<wire::RigState> states,
                          wire::Waiter waiter)
     : rig_(std::move(rig)),
+      log_(std::move(log)),
       participant_(std::move(participant)),
       commands_(std::move(commands)),
       poses_(std::move(poses)),
@@ -43,9 +45,12 @@ RigEndpoint::~RigEndpoint() {
   stop();
 }
 
-void RigEndpoint::start(Handler obey, Source take_state, Watcher see) {
-  thread_ = std::thread([this, obey = std::move(obey), take_state = std::move(take_state),
-                         see = std::move(see)] { run(obey, take_state, see); });
+void RigEndpoint::start(Handler obey, Source take_state, Watcher see, StateWatcher told) {
+  obey_ = std::move(obey);
+  take_state_ = std::move(take_state);
+  see_ = std::move(see);
+  told_ = std::move(told);
+  thread_ = std::thread([this] { run(); });
 }
 
 void RigEndpoint::stop() {
@@ -54,21 +59,50 @@ void RigEndpoint::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-void RigEndpoint::run(const Handler& obey, const Source& take_state, const Watcher& see) {
+void RigEndpoint::run() {
   while (!ends_) {
     (void)waiter_.wait(std::chrono::milliseconds(100));
-    wire::take_all(commands_, [&](wire::Sample<wire::RigCommand>& sample) {
-      const auto who = sample.message ? speaker_of(commands_, sample.publication) : std::nullopt;
-      if (!who) return;
-      sample.message->commander = who->name;
-      obey(*std::move(sample.message));
+    take_from_speakers(commands_, [this](wire::RigCommand& command, const wire::RigSpeaker& who) {
+      command.commander = who.name;
+      obey_(std::move(command));
     });
-    wire::take_all(poses_, [&](wire::Sample<wire::TrackerStateMessage>& sample) {
-      const auto who = sample.message ? speaker_of(poses_, sample.publication) : std::nullopt;
-      if (who && client_id_from_name(who->name) == sample.message->client) see(*sample.message);
+    take_from_speakers(poses_, [this](const wire::TrackerStateMessage& pose, const wire::RigSpeaker& who) {
+      if (client_id_from_name(who.name) == pose.client) see_(pose);
     });
-    // A state that is too long for the wire is a fault of ours that the next one does not have.
-    if (const auto state = take_state()) (void)states_.write(*state);
+    guard([this] { tell_state(); });
+  }
+}
+
+/// Each message by itself: what is wrong with one of them is no fault of those that came with it.
+template <typename Message, typename Use>
+void RigEndpoint::take_from_speakers(wire::Reader<Message>& reader, const Use& use) {
+  guard([&] {
+    wire::take_all(reader, [&](wire::Sample<Message>& sample) {
+      guard([&] {
+        const auto who = sample.message ? speaker_of(reader, sample.publication) : std::nullopt;
+        if (who) use(*sample.message, *who);
+      });
+    });
+  });
+}
+
+void RigEndpoint::tell_state() {
+  const auto state = take_state_();
+  if (!state) return;
+  // A state that is too long for the wire is a fault of ours that the next one does not have.
+  (void)states_.write(*state);
+  if (told_) told_(*state);
+}
+
+/// The drives are moved by another thread: whatever goes wrong with the network, it must not end that.
+template <typename Work>
+void RigEndpoint::guard(const Work& work) {
+  try {
+    work();
+  } catch (const std::exception& error) {
+    if (warning_.due())
+      log_->error("rig {}: a message of the network was lost: {}; if this repeats, restart cairn-rig", rig_,
+                  error.what());
   }
 }
 

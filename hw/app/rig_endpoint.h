@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
 #include "common/wire/partition.h"
 #include "common/wire/peers.h"
@@ -22,12 +23,13 @@ namespace cairn {
 /// What the network has to do with a rig: orders and the camera's poses that come are handed on, and states
 /// are written. Who gives an order is known by the partition that it came in, which in a secured site nobody
 /// else can write in. With a thread of its own, so that the thread that has the bus never waits for the
-/// network.
+/// network. What a function throws that it calls is logged, and costs the one message that it was called for.
 class RigEndpoint {
  public:
   using Handler = std::function<void(wire::RigCommand)>;
   using Watcher = std::function<void(const wire::TrackerStateMessage&)>;
   using Source = std::function<std::optional<wire::RigState>()>;
+  using StateWatcher = std::function<void(const wire::RigState&)>;
 
   /// `options.role` is kRig. Errors: those of Participant::create().
   [[nodiscard]] static Result<std::unique_ptr<RigEndpoint>> create(const wire::ParticipantOptions& options,
@@ -36,23 +38,33 @@ class RigEndpoint {
   RigEndpoint(const RigEndpoint&) = delete;
   RigEndpoint& operator=(const RigEndpoint&) = delete;
 
-  /// Begins; all are called by its thread, until stop().
-  void start(Handler obey, Source take_state, Watcher see);
+  /// Begins; all are called by its thread, until stop(). `told`, if any, gets each state that was written.
+  void start(Handler obey, Source take_state, Watcher see, StateWatcher told = {});
   /// There is a state to take. Thread-safe, before start() too.
   void wake() { waiter_.wake(); }
   /// Afterwards none is called.
   void stop();
 
  private:
-  RigEndpoint(std::string rig, wire::Participant participant, wire::Reader<wire::RigCommand> commands,
-              wire::Reader<wire::TrackerStateMessage> poses, wire::Writer<wire::RigState> states,
-              wire::Waiter waiter);
-  void run(const Handler& obey, const Source& take_state, const Watcher& see);
+  RigEndpoint(std::string rig, Logger log, wire::Participant participant,
+              wire::Reader<wire::RigCommand> commands, wire::Reader<wire::TrackerStateMessage> poses,
+              wire::Writer<wire::RigState> states, wire::Waiter waiter);
+  void run();
+  template <typename Message, typename Use>
+  void take_from_speakers(wire::Reader<Message>& reader, const Use& use);
+  void tell_state();
+  template <typename Work>
+  void guard(const Work& work);
   /// Nothing: he has gone, or speaks where nobody has a name.
   [[nodiscard]] std::optional<wire::RigSpeaker> speaker_of(const wire::ReaderBase& reader,
                                                            wire::PublicationHandle publication);
 
   const std::string rig_;
+  const Logger log_;
+  Handler obey_;  ///< and likewise, since start():
+  Source take_state_;
+  Watcher see_;
+  StateWatcher told_;
 
   wire::Participant participant_;
   wire::Reader<wire::RigCommand> commands_;
@@ -60,6 +72,7 @@ class RigEndpoint {
   wire::Writer<wire::RigState> states_;
   wire::Waiter waiter_;
   std::map<wire::PublicationHandle, wire::RigSpeaker> speakers_;  ///< as the middleware was asked once
+  RateLimit warning_;                                             ///< of the thread
   std::atomic<bool> ends_{false};
   std::thread thread_;
 };

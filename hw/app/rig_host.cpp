@@ -37,12 +37,8 @@ void RigHost::close(int exit_code) {
 
 void RigHost::start(Watchers watchers) {
   endpoint_->start([this](wire::RigCommand command) { loop_->post(std::move(command)); },
-                   [this, watch = std::move(watchers.state)] {
-                     auto state = loop_->take_state();
-                     if (state) watch(*state);
-                     return state;
-                   },
-                   std::move(watchers.of_camera));
+                   [this] { return loop_->take_state(); }, std::move(watchers.of_camera),
+                   std::move(watchers.state));
 }
 
 }  // namespace cairn

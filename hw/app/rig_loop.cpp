@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <exception>
 #include <utility>
 
 namespace cairn {
@@ -14,7 +15,8 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kStatePeriod{10};
 constexpr milliseconds kClosingTime{500};
-constexpr size_t kGyroSamples = 4000;  // where nobody asks for them: some seconds
+constexpr milliseconds kFailureWait{1};  // so that a turn that always fails leaves others the processor
+constexpr size_t kGyroSamples = 4000;    // where nobody asks for them: some seconds
 
 }  // namespace
 
@@ -73,33 +75,66 @@ std::vector<GyroSample> RigLoop::take_gyro() {
 }
 
 void RigLoop::run() {
-  for (MonotonicTime now = options_.clock.now(); !is_over(now); now = options_.clock.now()) {
-    turn(now);
-    wait();
+  while (true) {
+    try {
+      const MonotonicTime now = options_.clock.now();
+      if (is_over(now)) return;
+      turn(now);
+      wait();
+    } catch (const std::exception& error) {
+      if (failure_told_.due())
+        options_.log->error("rig {}: a turn of its loop failed: {}; if this repeats, restart cairn-rig",
+                            options_.configuration.name, error.what());
+      std::this_thread::sleep_for(kFailureWait);
+    }
   }
 }
 
 /// What has come is taken before the rig looks at the time: it takes silence for death.
 void RigLoop::turn(MonotonicTime now) {
   wake_up_.clear();
-  if (stop_asked_.exchange(false)) bridge_.stop(now);
+  if (stop_asked_.exchange(false)) stop_now(now);
   while (auto frame = bus_->receive()) {
     frame->stamp = options_.clock.of_wall(frame->stamp);
     bridge_.receive(*frame, now);
   }
-  std::vector<wire::RigCommand> commands;
   std::optional<wire::RigCameraClock> camera_clock;
   {
     const std::lock_guard lock(mutex_);
-    commands.swap(commands_);
     camera_clock.swap(camera_clock_);
   }
   if (camera_clock) bridge_.set_camera_clock(*camera_clock);
-  for (const wire::RigCommand& command : commands)
-    bridge_.obey(command, now, options_.clock.at(command.seen));
+  // Not those that come meanwhile: a flood of them must not keep the rig from its next step.
+  for (size_t left = commands_waiting(); left > 0; --left) {
+    if (const auto command = take_command()) bridge_.obey(*command, now, options_.clock.at(command->seen));
+  }
   bridge_.advance(now);
   send();
   if (now >= next_state_) publish(now);
+}
+
+/// One that fails is tried again.
+void RigLoop::stop_now(MonotonicTime now) {
+  try {
+    bridge_.stop(now);
+  } catch (...) {
+    stop_asked_ = true;
+    throw;
+  }
+}
+
+size_t RigLoop::commands_waiting() {
+  const std::lock_guard lock(mutex_);
+  return commands_.size();
+}
+
+/// One by one: what is wrong with one is no fault of those that came with it.
+std::optional<wire::RigCommand> RigLoop::take_command() {
+  const std::lock_guard lock(mutex_);
+  if (commands_.empty()) return std::nullopt;
+  std::optional<wire::RigCommand> command(std::move(commands_.front()));
+  commands_.pop_front();
+  return command;
 }
 
 void RigLoop::send() {
@@ -178,7 +213,7 @@ bool RigLoop::is_over(MonotonicTime now) {
     closing_until_ = now + kClosingTime;
     bridge_.close(now);
   }
-  return bridge_.is_let_go(now) || now >= *closing_until_;
+  return now >= *closing_until_ || bridge_.is_let_go(now);
 }
 
 }  // namespace cairn

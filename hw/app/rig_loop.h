@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -29,7 +30,9 @@ struct RigLoopOptions {
 };
 
 /// The thread that has the bus: it takes frames, steps the rig, and sends what the rig says, as soon as
-/// anything comes or falls due. It never waits for anything else. Its methods are thread-safe.
+/// anything comes or falls due. It never waits for anything else. A turn that throws is logged, and the next
+/// one comes: the drives are let go by their watchdogs where none comes to its end. Its methods are
+/// thread-safe.
 class RigLoop {
  public:
   /// Begins at once. `told`: there is a state to take; called by the loop's thread. Error kIo.
@@ -55,6 +58,9 @@ class RigLoop {
           WakeUp wake_up);
   void run();
   void turn(MonotonicTime now);
+  void stop_now(MonotonicTime now);
+  [[nodiscard]] size_t commands_waiting();
+  [[nodiscard]] std::optional<wire::RigCommand> take_command();
   void send();
   void publish(MonotonicTime now);
   void collect_gyro();
@@ -76,11 +82,12 @@ class RigLoop {
   std::string doing_;
   uint64_t strange_frames_ = 0;
   RateLimit strange_told_{std::chrono::seconds(10)};
+  RateLimit failure_told_;
 
   std::atomic<bool> ends_{false};
   std::atomic<bool> stop_asked_{false};
   std::mutex mutex_;  ///< for what follows
-  std::vector<wire::RigCommand> commands_;
+  std::deque<wire::RigCommand> commands_;
   std::optional<wire::RigState> state_;
   std::optional<wire::RigCameraClock> camera_clock_;  ///< to be handed on
   std::vector<GyroSample> gyro_;

@@ -7,7 +7,9 @@
 
 #include <atomic>
 #include <sstream>
+#include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "common/wire/log_redirect.h"
 #include "common/wire/partition.h"
@@ -146,6 +148,84 @@ TEST_F(RigNetwork, OrdersMoveTheDrivesAndTheEndOfTheCommanderLetsThemGo) {
   const auto alone = until(std::nullopt, [](const RigState& state) { return state.drives_idle; });
   ASSERT_TRUE(alone);
   EXPECT_THAT(alone->trouble, HasSubstr("the commander fell silent"));
+}
+
+/// Before, any of these ended the program, and with it whoever keeps the drives.
+TEST(RigEndpoint, WhatAHandlerThrowsIsToldAndCostsItsMessageOnly) {
+  const wire::LogRedirect quiet(null_logger());
+  std::ostringstream said;
+  wire::ParticipantOptions options;
+  options.role = wire::Role::kRig;
+  options.log =
+      std::make_shared<spdlog::logger>("rig", std::make_shared<spdlog::sinks::ostream_sink_mt>(said, true));
+  std::unique_ptr<RigEndpoint> endpoint;
+  for (uint32_t i = 0; i < kDomains && !endpoint; ++i) {
+    options.domain = 105 + (static_cast<uint32_t>(getpid()) * 13 + i) % kDomains;
+    if (auto made = RigEndpoint::create(options, "shoulder")) endpoint = *std::move(made);
+  }
+  ASSERT_TRUE(endpoint);
+  std::atomic<int> obeyed{0};
+  const auto obey = [&](const wire::RigCommand& command) {
+    if (command.commander == "ada") throw std::runtime_error("no memory, as it were");
+    ++obeyed;
+  };
+  bool states_fail = true;
+  const auto state = [&]() -> std::optional<RigState> {
+    if (std::exchange(states_fail, false)) throw std::runtime_error("no state");
+    RigState now;
+    now.rig = "shoulder";
+    return now;
+  };
+  endpoint->start(
+      obey, state, [](const wire::TrackerStateMessage&) {},
+      [](const RigState&) { throw std::runtime_error("nobody looks"); });
+  options.role = wire::Role::kRigClient;
+  const auto client = wire::Participant::create(options).value();
+  const auto orders_of = [&](const char* name) {
+    return wire::Writer<wire::RigCommand>::create(client, wire::client_to_rig_partition("shoulder", name))
+        .value();
+  };
+  auto of_ada = orders_of("ada");
+  auto of_eve = orders_of("eve");
+  auto states = wire::Reader<RigState>::create(client, wire::rig_partition("shoulder")).value();
+  bool is_told = false;
+  const auto deadline = steady_clock::now() + 60s;
+  while ((!is_told || obeyed < 10) && steady_clock::now() < deadline) {
+    (void)of_ada.write(order_of(1, 1, RigMode::kHome));
+    (void)of_eve.write(order_of(2, 1, RigMode::kHome));
+    std::this_thread::sleep_for(2ms);
+    for (const auto& sample : states.take()) is_told = is_told || sample.message;
+  }
+  endpoint->stop();
+  EXPECT_TRUE(is_told) << "after the state that failed";
+  EXPECT_GE(obeyed, 10) << "orders that came with those that fail";
+  EXPECT_THAT(said.str(), HasSubstr("rig shoulder: a message of the network was lost: "));
+}
+
+TEST(RigLoop, ATurnThatThrowsIsToldAndTheDrivesAreLetGoAsEver) {
+  std::ostringstream said;
+  const auto log =
+      std::make_shared<spdlog::logger>("rig", std::make_shared<spdlog::sinks::ostream_sink_mt>(said, true));
+  auto ends = make_bus_pair().value();
+  std::atomic<int> turns{0};
+  auto loop =
+      RigLoop::start({near_its_switches(), "the pair", ScaledClock(), log}, std::move(ends.first), [&turns] {
+        if (++turns % 2 == 1) throw std::runtime_error("nobody is told");
+      }).value();
+  const auto deadline = steady_clock::now() + 60s;
+  while (turns < 20 && steady_clock::now() < deadline) std::this_thread::sleep_for(5ms);
+  EXPECT_GE(turns, 20);
+  EXPECT_TRUE(loop->take_state());
+  loop->stop();
+  bool is_stopped = false;
+  while (!is_stopped && steady_clock::now() < deadline) {
+    const auto state = loop->take_state();
+    is_stopped = state && state->stopped;
+    std::this_thread::sleep_for(5ms);
+  }
+  EXPECT_TRUE(is_stopped) << "by the emergency stop";
+  loop.reset();
+  EXPECT_THAT(said.str(), HasSubstr("rig shoulder: a turn of its loop failed: nobody is told"));
 }
 
 /// A device that sends many of them does not fill the log.

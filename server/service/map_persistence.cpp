@@ -51,15 +51,15 @@ void MapPersistence::read_images(MapId map, std::vector<KeyframeId> keyframes, I
 
 void MapPersistence::create(MapHeader header, MapUpdate whole, Done done) {
   const MapId map = header.id;
-  post({{}, map, std::move(header), std::move(whole), std::move(done)});
+  post({.map = map, .creation = std::move(header), .update = std::move(whole), .done = std::move(done)});
 }
 
 void MapPersistence::write(MapId map, MapUpdate update, Done done) {
-  post({{}, map, {}, std::move(update), std::move(done)});
+  post({.map = map, .update = std::move(update), .done = std::move(done)});
 }
 
 void MapPersistence::run(std::function<void(Store& store)> task) {
-  post({std::move(task), {}, {}, {}, {}});
+  post({.task = std::move(task)});
 }
 
 void MapPersistence::post(Job job) {
@@ -103,63 +103,83 @@ std::string MapPersistence::trouble() const {
 }
 
 std::optional<MonotonicTime> MapPersistence::work() {
-  std::unique_lock lock(mutex_);
-  std::vector<Job> jobs = std::exchange(jobs_, {});
-  std::vector<Later> due;
-  const MonotonicTime now = clock_->now();
-  while (!later_.empty() && later_.front().due <= now) {
-    due.push_back(std::move(later_.front()));
-    later_.erase(later_.begin());
+  carry_out();  // what a turn that failed has left
+  {
+    const std::scoped_lock lock(mutex_);
+    batch_.swap(jobs_);
   }
-  lock.unlock();
-  for (const Later& task : due) (void)guarded(log_, [&] { return task.task(), Status(); });
-  carry_out(std::move(jobs));
+  run_due(clock_->now());
+  carry_out();
   probe_if_due();
   (void)guarded(log_, [&] { return store_->tidy(), Status(); });
-  lock.lock();
+  const std::scoped_lock lock(mutex_);
   std::optional<MonotonicTime> next;
   if (!later_.empty()) next = later_.front().due;
   if (!trouble_.empty()) next = next ? std::min(*next, probe_due_) : probe_due_;
   return next;
 }
 
-void MapPersistence::carry_out(std::vector<Job> jobs) {
-  std::vector<bool> taken(jobs.size());
-  for (size_t i = 0; i < jobs.size(); ++i) {
-    if (taken[i]) continue;
-    if (jobs[i].task) {
-      (void)guarded(log_, [&] { return jobs[i].task(*store_), Status(); });
+/// Those that are due at first: what they put off to this moment has its turn next.
+void MapPersistence::run_due(MonotonicTime now) {
+  std::unique_lock lock(mutex_);
+  const auto is_due = [&](const Later& task) { return task.due <= now; };
+  for (auto left = std::count_if(later_.begin(), later_.end(), is_due); left > 0; --left) {
+    const std::function<void()> task = std::move(later_.front().task);
+    later_.erase(later_.begin());
+    lock.unlock();
+    (void)guarded(log_, [&] { return task(), Status(); });
+    lock.lock();
+  }
+}
+
+void MapPersistence::carry_out() {
+  for (auto job = batch_.begin(); job != batch_.end(); ++job) {
+    if (job->is_over) continue;
+    if (job->task) {
+      job->is_over = true;
+      (void)guarded(log_, [&] { return job->task(*store_), Status(); });
       continue;
     }
     // All that this batch has of the map, up to a task, which keeps its place.
-    std::vector<Job*> group;
-    for (size_t j = i; j < jobs.size() && !jobs[j].task; ++j) {
-      if (jobs[j].map != jobs[i].map) continue;
-      taken[j] = true;
-      group.push_back(&jobs[j]);
+    const auto end = std::find_if(job, batch_.end(), [](const Job& other) { return other.task != nullptr; });
+    write_group(job->map, {job, end});
+  }
+  batch_.clear();
+}
+
+/// Those of `jobs` that are of the map; the first is one. Nothing is written twice where a turn fails
+/// between.
+void MapPersistence::write_group(MapId map, std::span<Job> jobs) {
+  if (Job& first = jobs.front(); first.creation && !first.outcome) {
+    const auto created = std::make_shared<Status>();
+    *created = guarded(log_, [&] { return store_->create(*first.creation, first.update); });
+    first.outcome = created;
+    finish(first);
+  }
+  const auto waits = [map](const Job& job) { return job.map == map && !job.is_over && !job.outcome; };
+  if (std::any_of(jobs.begin(), jobs.end(), waits)) {
+    const auto written = std::make_shared<Status>();
+    *written = guarded(log_, [&] {
+      std::vector<MapUpdate> updates;
+      updates.reserve(jobs.size());
+      for (Job& job : jobs) {
+        if (waits(job)) updates.push_back(std::move(job.update));
+      }
+      return store_->write(map, updates);
+    });
+    for (Job& job : jobs) {
+      if (waits(job)) job.outcome = written;
     }
-    write_group(std::move(group));
+  }
+  for (Job& job : jobs) {
+    if (job.map == map && !job.is_over) finish(job);
   }
 }
 
-void MapPersistence::write_group(std::vector<Job*> group) {
-  if (group.front()->creation) {
-    const Job& first = *group.front();
-    finish(first, guarded(log_, [&] { return store_->create(*first.creation, first.update); }));
-    group.erase(group.begin());
-    if (group.empty()) return;
-  }
-  const Status written = guarded(log_, [&] {
-    std::vector<MapUpdate> updates;
-    updates.reserve(group.size());
-    for (Job* job : group) updates.push_back(std::move(job->update));
-    return store_->write(group.front()->map, updates);
-  });
-  for (const Job* job : group) finish(*job, written);
-}
-
-void MapPersistence::finish(const Job& job, const Status& written) {
-  note(written);
+void MapPersistence::finish(Job& job) {
+  const Status& written = *job.outcome;
+  (void)guarded(log_, [&] { return note(written), Status(); });
+  job.is_over = true;
   if (job.done) {
     (void)guarded(log_, [&] { return job.done(written), Status(); });
   } else if (!written) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -93,11 +94,13 @@ class MapPersistence {
 
  private:
   struct Job {
-    std::function<void(Store&)> task;  ///< or:
-    MapId map;
-    std::optional<MapHeader> creation;
-    MapUpdate update;
-    Done done;
+    std::function<void(Store&)> task = {};  ///< or:
+    MapId map = {};
+    std::optional<MapHeader> creation = {};
+    MapUpdate update = {};
+    Done done = {};
+    std::shared_ptr<const Status> outcome = {};  ///< of what was written
+    bool is_over = false;                        ///< it was carried out, and its outcome told
   };
   struct Later {
     MonotonicTime due;
@@ -107,9 +110,10 @@ class MapPersistence {
   void post(Job job);
   /// One turn of the writer; when the next is due.
   [[nodiscard]] std::optional<MonotonicTime> work();
-  void carry_out(std::vector<Job> jobs);
-  void write_group(std::vector<Job*> group);
-  void finish(const Job& job, const Status& written);
+  void run_due(MonotonicTime now);
+  void carry_out();
+  void write_group(MapId map, std::span<Job> jobs);
+  void finish(Job& job);
   void note(const Status& written);
   void probe_if_due();
   const std::unique_ptr<Store> store_;  ///< used by the writer only, once it runs, but for folders
@@ -118,10 +122,12 @@ class MapPersistence {
   Logger log_;
 
   mutable std::mutex mutex_;  ///< of what follows
-  std::vector<Job> jobs_;
+  std::vector<Job> jobs_;     ///< that no turn has taken yet
   std::vector<Later> later_;  ///< in order of time
   std::string trouble_;
   MonotonicTime probe_due_;  ///< while there is trouble
+
+  std::vector<Job> batch_;  ///< of the writer: a turn that fails leaves the rest to the next
 
   const std::shared_ptr<const Clock> clock_;
   std::unique_ptr<Turns> writer_;

@@ -11,7 +11,9 @@
 #include <future>
 #include <sstream>
 
+#include "server/service/by_hand.h"
 #include "server/service/store_threads.h"
+#include "server/service/system_clock.h"
 #include "server/service/worker_pool.h"
 #include "server/store/kept_map_fixture.h"
 
@@ -81,6 +83,52 @@ class MapPersistenceTest : public testing::KeptMapFixture {
     return future.get();
   }
 };
+
+/// Turns that come when the test says so.
+class TurnsByHand : public Turns {
+ public:
+  void begin(Turn turn) override { turn_ = std::move(turn); }
+  void wake() override {}
+  void finish() override { take(); }
+  void take() { (void)turn_(); }
+
+ private:
+  Turn turn_;
+};
+
+/// No exception of the library's: those are kept from the turn by the turn itself.
+struct Broken {};
+
+TEST_F(MapPersistenceTest, WhatWaitsBehindATurnThatFailedIsWrittenByTheNext) {
+  keep_a_map();
+  TasksByHand tasks;
+  auto own = std::make_unique<TurnsByHand>();
+  TurnsByHand& turns = *own;
+  auto store = MapPersistence::start(folder_,
+                                     {std::make_shared<SystemClock>(), std::move(own),
+                                      std::make_unique<ByHand>(&tasks), std::make_unique<ByHand>(&tasks)},
+                                     null_logger());
+  ASSERT_TRUE(store) << store.error().message;
+  int failures = 0;
+  int written = 0;
+  const auto note = [&written](const Status& kept) { written += kept ? 1 : 0; };
+  (*store)->later([] { throw Broken(); }, std::chrono::milliseconds(0));
+  (*store)->run([&](Store&) {
+    ++failures;
+    throw Broken();
+  });
+  (*store)->write(header_.id, {}, [](const Status&) { throw Broken(); });
+  (*store)->write(header_.id, {}, note);
+  (*store)->run([&](Store&) { (*store)->write(header_.id, {}, note); });
+  EXPECT_THROW(turns.take(), Broken);
+  EXPECT_THROW(turns.take(), Broken);
+  EXPECT_THROW(turns.take(), Broken);
+  EXPECT_EQ(written, 0);
+  (*store)->write(header_.id, {}, note);
+  turns.take();
+  EXPECT_EQ(written, 3) << "what was left, what that has asked for, and what has come since";
+  EXPECT_EQ(failures, 1) << "it is not done twice";
+}
 
 struct DamagedRow {
   const char* table;

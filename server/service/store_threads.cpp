@@ -14,7 +14,7 @@ constexpr int kExaminerNice = 15;  ///< and nobody stands there and waits for th
 }  // namespace
 
 MapPersistence::Runtime store_threads(const Logger& log) {
-  return {std::make_shared<SystemClock>(), std::make_unique<TurnThread>(),
+  return {std::make_shared<SystemClock>(), std::make_unique<TurnThread>("the writer of the store", log),
           std::make_unique<WorkerPool>(1, kStrandNice, log),
           std::make_unique<WorkerPool>(1, kExaminerNice, log)};
 }

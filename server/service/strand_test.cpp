@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/strand.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 
 #include <atomic>
 #include <future>
+#include <memory>
+#include <sstream>
 #include <stdexcept>
 #include <vector>
 
+#include "server/service/turn_thread.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -107,6 +112,63 @@ TEST(Strand, ATaskThatThrowsStopsNeitherTheQueueNorThePool) {
   queue.post([] { throw std::runtime_error("broken"); });
   queue.post([&] { done.set(); });
   EXPECT_TRUE(done.wait());
+}
+
+/// Before, that ended the program.
+TEST(OnThreads, WhatOneOfThemThrowsIsThrownByAllTogether) {
+  std::atomic<int> begun{0};
+  EXPECT_THROW(on_threads(3)([&] {
+                 if (++begun == 2) throw std::runtime_error("broken");
+               }),
+               std::runtime_error);
+  EXPECT_EQ(begun, 3);
+}
+
+/// Before, that ended the program, with all that waited to be written.
+TEST(TurnThread, ATurnThatThrowsIsTakenAgainUnasked) {
+  std::ostringstream said;
+  std::atomic<int> turns{0};
+  Done done;
+  {
+    TurnThread thread(
+        "the writer of the store",
+        std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(said)));
+    thread.begin([&]() -> std::optional<MonotonicTime> {
+      if (++turns == 1) throw std::runtime_error("broken");
+      if (turns == 2) done.set();
+      return std::nullopt;
+    });
+    EXPECT_TRUE(done.wait());
+  }
+  EXPECT_EQ(turns, 2) << "it waits for a reason then";
+  EXPECT_THAT(said.str(), ::testing::HasSubstr("the writer of the store failed: broken"));
+}
+
+TEST(TurnThread, TheEndTriesAgainButNotForEver) {
+  std::atomic<int> turns{0};
+  Done begun;
+  {
+    TurnThread thread("a thread", null_logger());
+    thread.begin([&]() -> std::optional<MonotonicTime> {
+      if (++turns > 1) throw std::runtime_error("broken");
+      begun.set();
+      return std::nullopt;
+    });
+    ASSERT_TRUE(begun.wait());
+    thread.finish();
+  }
+  EXPECT_EQ(turns, 1) << "nothing was asked for";
+  turns = 0;
+  {
+    TurnThread thread("a thread", null_logger());
+    thread.begin([&]() -> std::optional<MonotonicTime> {
+      ++turns;
+      throw std::runtime_error("broken");
+    });
+    thread.finish();
+  }
+  EXPECT_GE(turns, TurnThread::kLastAttempts);
+  EXPECT_LE(turns, TurnThread::kLastAttempts + 1) << "one may have come before the end";
 }
 
 TEST(WorkerPool, UrgentTasksComeFirstAndAreSeenToWait) {

@@ -3,16 +3,22 @@
 
 #include <condition_variable>
 #include <mutex>
+#include <string>
 #include <thread>
 
+#include "common/base/log.h"
 #include "server/service/executor.h"
 
 namespace cairn {
 
-/// A thread that takes turns, by the steady clock of this machine.
+/// A thread that takes turns, by the steady clock of this machine. A turn that throws is logged and taken
+/// again after a pause; in finish() no more than three times, one after another.
 class TurnThread : public Turns {
  public:
-  TurnThread() = default;
+  static constexpr int kLastAttempts = 3;
+
+  /// `name`: whose turns they are, for the log.
+  TurnThread(std::string name, Logger log) : name_(std::move(name)), log_(std::move(log)) {}
   ~TurnThread() override { finish(); }
   TurnThread(const TurnThread&) = delete;
   TurnThread& operator=(const TurnThread&) = delete;
@@ -23,7 +29,11 @@ class TurnThread : public Turns {
 
  private:
   void run(const Turn& turn);
+  /// False where it threw.
+  [[nodiscard]] bool take(const Turn& turn, std::optional<MonotonicTime>* next) const;
 
+  const std::string name_;
+  const Logger log_;
   std::mutex mutex_;
   std::condition_variable wake_;
   bool is_woken_ = true;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <future>
 #include <utility>
 
 namespace cairn {
@@ -83,10 +84,10 @@ void WorkerPool::run(int nice_value) {
 
 Parallel on_threads(int threads) {
   return [threads](const Task& share) {
-    std::vector<std::thread> helpers;
-    for (int i = 1; i < threads; ++i) helpers.emplace_back(share);
+    std::vector<std::future<void>> helpers;  // which wait for their threads, whatever is thrown
+    for (int i = 1; i < threads; ++i) helpers.push_back(std::async(std::launch::async, share));
     share();
-    for (std::thread& helper : helpers) helper.join();
+    for (std::future<void>& helper : helpers) helper.get();
   };
 }
 

@@ -168,6 +168,37 @@ TEST_F(KeptMaps, AClientThatJoinsAnewOnItsReplicaIsTheSameToTheServer) {
   offer(8);
 }
 
+/// It has no place in the domain any more by then, and nothing but that gives a reason to join.
+TEST_F(KeptMaps, AClientWhoseJoiningAnewFailsHalfWayTriesAgain) {
+  struct Network {
+    std::atomic<bool> moves{false};
+    std::atomic<int> failures{0};  ///< that are still to come
+  };
+  const auto network = std::make_shared<Network>();
+  SessionOptions options;
+  options.domain = server_->domain();
+  options.name = "bert";
+  options.find_path = [network](const wire::ParticipantOptions& joining) {
+    auto path = wire::find_path(joining);
+    if (path && network->moves.exchange(false)) path->address = "127.0.0.9";
+    return path;
+  };
+  options.join = [network](const wire::ParticipantOptions& joining) {
+    if (network->failures > 0 && network->failures-- > 0) throw std::runtime_error("no memory, as it were");
+    return wire::Participant::create(joining);
+  };
+  session_ = testing::open_session(options, scene_.camera());
+  seed();
+  kill(server_->pid(), SIGSTOP);
+  ASSERT_TRUE(eventually([&] { return session_->status().link == ServerLink::kGone; }));
+  network->failures = 2;
+  network->moves = true;
+  ASSERT_TRUE(eventually([&] { return network->failures == 0; })) << "the second try is without a move";
+  kill(server_->pid(), SIGCONT);
+  ASSERT_TRUE(eventually([&] { return session_->status().link == ServerLink::kConnected; }));
+  offer(4);
+}
+
 TEST_F(KeptMaps, AnOrderlyEndKeepsAllThatWasDone) {
   seed();
   for (const int step : {4, 6, 8}) offer(step);
