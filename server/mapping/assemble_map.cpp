@@ -90,6 +90,7 @@ class Assembly {
       k.live = r.live;
       k.still = r.still;
       k.up = r.up;
+      k.adds_only = r.adds_only;
       if (r.estimated_camera < 0 || static_cast<size_t>(r.estimated_camera) >= cameras_.size()) continue;
       k.estimated_camera = r.estimated_camera;
       k.camera = cameras_[static_cast<size_t>(r.estimated_camera)].camera;

@@ -268,6 +268,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   keyframe.time = input.time;
   keyframe.camera_from_map = judged->camera_from_map;
   keyframe.still = input.still;
+  keyframe.adds_only = input.adds_only;
   keyframe.up = input.up;
   keyframe.images = std::move(images);
   keyframe.mean_depth = judged->mean_depth;

@@ -74,7 +74,7 @@ struct KeyframeInput {
   /// Where its camera, and the points that are made for it, may be; nothing: everywhere. Points that are
   /// there already are measured wherever they are.
   std::optional<Extent> extent = {};
-  /// Its client may add and not take away: no keyframe or point gives way because it has come.
+  /// Its client may add and not take away: no keyframe or point gives way because it has come, then or later.
   bool adds_only = false;
 };
 

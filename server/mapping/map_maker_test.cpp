@@ -530,6 +530,58 @@ TEST_F(MapMakerTest, WhoOnlyAddsTakesNothingAway) {
   }
 }
 
+/// Before, a writer's next upkeep took a point away that the frame of somebody who only adds had not shown.
+TEST_F(MapMakerTest, WhatAFrameOfWhoOnlyAddsDoesNotShowCostsNoPoint) {
+  options_.upkeep.min_attempts = 2;
+  options_.upkeep.min_found_fraction = 0.6;
+  const auto covered = std::make_shared<GrayImage>(scene_.view(5)->view());
+  const int width = covered->width() / 2;
+  for (int y = 0; y < covered->height(); ++y) std::fill_n(covered->row(y), width, uint8_t{128});
+  for (const bool adds_only : {true, false}) {
+    start();
+    const MapSnapshotPtr before = maker_->snapshot();
+    KeyframeInput offered = make_offer(scene_, *before, 5, covered);
+    offered.adds_only = adds_only;
+    const SE3 pose = offered.camera_from_reference * before->find(offered.reference)->camera_from_map;
+    ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+    work();
+    for (const int step : {8, 11}) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    int hidden = 0;
+    int gone = 0;
+    for (const auto& [trail, point] : seed_.points) {
+      const PointSlot at = before->find(point).value();
+      const auto pixel = scene_.camera()->project(
+          pose * before->point_blocks[static_cast<size_t>(at.block)]->position(at.slot));
+      if (!pixel || pixel->x() < 10 || pixel->x() > width - 10) continue;
+      ++hidden;
+      gone += maker_->snapshot()->find(point) ? 0 : 1;
+    }
+    ASSERT_GT(hidden, 50);
+    if (adds_only) {
+      EXPECT_LT(gone, hidden / 10);
+    } else {
+      EXPECT_GT(gone, hidden / 3) << "the frame must tell against them";
+    }
+  }
+}
+
+/// A writer's keyframe that those of who only adds make redundant stays when the next writer comes.
+TEST_F(MapMakerTest, WhoOnlyAddsMakesNobodysKeyframeRedundant) {
+  options_.upkeep.redundant_fraction = 0.01;
+  options_.upkeep.redundant_observers = 5;  // all others of six
+  options_.upkeep.newest_kept = 0;
+  for (const bool adds_only : {true, false}) {
+    start();
+    for (const int step : {5, 8, 11, 14}) {
+      KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
+      offered.adds_only = adds_only && step > 5 && step < 14;
+      ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+      work();
+    }
+    EXPECT_EQ(maker_->snapshot()->keyframe_count() == 6U, adds_only);
+  }
+}
+
 TEST_F(MapMakerTest, ASeedIsHeldToItsExtent) {
   start();
   const auto everywhere = maker_->snapshot();

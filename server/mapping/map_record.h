@@ -39,6 +39,7 @@ struct KeyframeRecord {
   int estimated_camera = -1;
   StillMaskPtr still = {};  ///< MapKeyframe::still
   std::optional<UpDirection> up = {};
+  bool adds_only = false;  ///< MapKeyframe::adds_only
 };
 
 struct MeasurementsRecord {

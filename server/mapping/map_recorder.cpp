@@ -90,7 +90,7 @@ bool renew(uint64_t* given, uint64_t now) {
 KeyframeRecord record_of(const MapKeyframe& k) {
   return {k.id,         k.reference,  k.camera,    k.time, k.camera_from_map,
           k.mean_depth, k.near_depth, k.far_depth, k.live, k.estimated_camera,
-          k.still,      k.up};
+          k.still,      k.up,         k.adds_only};
 }
 
 PositionsRecord positions_of(const MapState& map, size_t block) {

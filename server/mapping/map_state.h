@@ -69,6 +69,7 @@ struct MapKeyframe {
   std::optional<UpDirection> up;          ///< in the camera's axes; nothing: not known
   std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
   std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
+  bool adds_only = false;         ///< KeyframeInput::adds_only: no witness against what others have made
   double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below
   double near_depth = 0;          ///< 5th percentile
   double far_depth = 0;           ///< 95th percentile
@@ -85,8 +86,9 @@ struct MapPoint {
   std::shared_ptr<const PointSource> source;           ///< null once it is removed: most points ever made are
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   std::vector<KeyframeId> observers;                   ///< ascending
-  int attempts =
-      0;          ///< keyframes in which it should have been seen and was searched, beside those that made it
+  /// Keyframes in which it should have been seen and was searched, beside those that made it; of those that
+  /// add only, such as show it.
+  int attempts = 0;
   int found = 0;  ///< of these, with success
   bool live = true;
 };

@@ -25,11 +25,12 @@ bool refind(MapState* map, KeyframeId keyframe_id, PointId point_id, const Refin
     return false;
   const auto found = find_near_corner(*point.source, *view, *keyframe.images, options.radius);
   MapPoint& counted = map->point(point_id);
-  ++counted.attempts;
   if (!found) {
+    if (!keyframe.adds_only) ++counted.attempts;
     map->give_up(keyframe_id, point_id);
     return true;
   }
+  ++counted.attempts;
   ++counted.found;
   map->add_measurement(keyframe_id, {point_id, found->level, found->pixel});
   return true;

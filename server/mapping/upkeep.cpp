@@ -7,13 +7,15 @@ namespace {
 constexpr size_t kFirstKept =
     2;  ///< by definition: problems hold the first, its tracker begins at the second
 
-/// Whether a map without this keyframe still holds the measured point as well as with it.
+/// Whether a map without this keyframe still holds the measured point as well as with it, by the keyframes of
+/// those who may take away.
 bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m, int observers) {
   const MapPoint& point = map.point(m.point);
   if (point.source->keyframe == keyframe) return false;
   int others = 0;
   for (const KeyframeId observer : point.observers) {
-    if (observer != keyframe && map.find_measurement(observer, m.point)->level <= m.level) ++others;
+    if (observer == keyframe || map.keyframe(observer).adds_only) continue;
+    if (map.find_measurement(observer, m.point)->level <= m.level) ++others;
   }
   return others >= observers;
 }

@@ -13,9 +13,9 @@ namespace cairn {
 int cull_points(MapState* map, const UpkeepOptions& options);
 
 /// A keyframe that adds next to nothing: at least 90 % of its points are measured at the same or a finer
-/// level in three others (Mur-Artal et al., T-RO 2015, VI-E) and do not have their patch from it. Never one
-/// of the first two or the newest few. Looked for among those that share points with `newest`, whose arrival
-/// may have made them so.
+/// level in three others (Mur-Artal et al., T-RO 2015, VI-E), none of which adds only, and do not have their
+/// patch from it. Never one of the first two or the newest few. Looked for among those that share points with
+/// `newest`, whose arrival may have made them so.
 [[nodiscard]] std::optional<KeyframeId> find_redundant_keyframe(const MapState& map, KeyframeId newest,
                                                                 const UpkeepOptions& options);
 

@@ -164,10 +164,11 @@ namespace {
 // Bits of a byte that was 0 or 1 before schema 5.
 constexpr uint8_t kLive = 1;
 constexpr uint8_t kKnowsUp = 2;
+constexpr uint8_t kAddsOnly = 4;  // since schema 10
 
 /// False for what no keyframe has.
 bool get_up(uint8_t flags, ByteReader* in, std::optional<UpDirection>* up) {
-  if ((flags & ~(kLive | kKnowsUp)) != 0) return false;
+  if ((flags & ~(kLive | kKnowsUp | kAddsOnly)) != 0) return false;
   if ((flags & kKnowsUp) == 0) return true;
   *up = UpDirection{in->get_vector<Eigen::Vector3d>(), in->get<double>()};
   return std::abs((*up)->up.norm() - 1) <= kUnitTolerance && (*up)->sigma > 0 && std::isfinite((*up)->sigma);
@@ -184,7 +185,8 @@ Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
   out.put(keyframe.mean_depth);
   out.put(keyframe.near_depth);
   out.put(keyframe.far_depth);
-  out.put(static_cast<uint8_t>((keyframe.live ? kLive : 0) | (keyframe.up ? kKnowsUp : 0)));
+  out.put(static_cast<uint8_t>((keyframe.live ? kLive : 0) | (keyframe.up ? kKnowsUp : 0) |
+                               (keyframe.adds_only ? kAddsOnly : 0)));
   if (keyframe.up) {
     out.put(keyframe.up->up);
     out.put(keyframe.up->sigma);
@@ -222,6 +224,7 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(calibrated_camera_row(0) - camera_row);
   keyframe.camera_from_map = *pose;
   keyframe.live = (flags & kLive) != 0;
+  keyframe.adds_only = (flags & kAddsOnly) != 0;
   return keyframe;
 }
 

@@ -53,7 +53,8 @@ class RowCodecTest : public ::testing::Test {
             true,
             -1,
             {},
-            UpDirection{{0, 0.6, -0.8}, 0.02}};
+            UpDirection{{0, 0.6, -0.8}, 0.02},
+            true};
   }
   MapCamera calibrated_camera() {
     MapCamera camera =

@@ -32,6 +32,7 @@ constexpr std::array kMapSteps{
     "CREATE TABLE contributors(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) "
     "STRICT;",  // and a tag says in which epoch it was made
     "",         // work that is due may be bounded by an extent
+    "",         // a keyframe may be of a client that adds only
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
