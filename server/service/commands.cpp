@@ -87,7 +87,7 @@ void Commands::take(const Principal& who, wire::MapSeed message) {
   const Ruling ruling = context_.access().on_creating(client.principal());
   if (ruling.right < Right::kWrite) {
     clients_.note_refused(client, "map make", {}, ruling.reason);
-    return refuse(ruling.reason);
+    return refuse(ruling.reason + "; `cairnctl rights explain " + client.name + "` says what decides");
   }
   if (std::string why = why_no_map(client); !why.empty()) return refuse(std::move(why));
   if (std::string why = why_too_much_waits(context_, *clients_.waiting_bytes(), image_bytes(message));

@@ -253,7 +253,7 @@ TEST_P(RightsOverDds, WhoMayNotMakeMapsIsToldWhy) {
   std::optional<SeedReply> reply;
   ASSERT_TRUE(eventually([&] { return (reply = anna_->take_seed_reply()).has_value(); }));
   EXPECT_FALSE(reply->answer);
-  EXPECT_EQ(reply->reason, "client anna may not make maps");
+  EXPECT_EQ(reply->reason, "client anna may not make maps; `cairnctl rights explain anna` says what decides");
 }
 
 TEST_P(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {

@@ -81,7 +81,7 @@ class Security(OnTheDesk):
 
     def nobody_may_anything_at_first(self):
         _, said = self.client("builder-1", "--pace", "lockstep", code=1)
-        self.assertIn("nobody at this site may make maps", said)
+        self.assertIn("nobody at this site may make maps; `cairnctl rights explain builder-1`", said)
         self.assertEqual(self.ctl("maps")["maps"], [])
         self.ctl("rights", "create", "builder-1", "yes")
         for builder in ("builder-1", "builder-2"):
@@ -184,6 +184,9 @@ class Security(OnTheDesk):
         self.assertIn("an operator has revoked the keys of this device", said)
 
     def keys_that_do_not_fit_are_refused_with_the_remedy(self):
+        found = subprocess.run(command("cairnctl", "--domain", self.server.domain, "--json", "--security",
+                                       self.folder_of("client", "builder-1"), "doctor"), capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual([f["grade"] for f in json.loads(found.stdout) if f["what"] == "server"], ["warning"], found.stdout)
         refused = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--security",
                                          self.folder_of("operator", "ann")), capture_output=True, text=True, timeout=LIMIT)
         self.assertEqual(refused.returncode, CONFIGURATION)
