@@ -121,7 +121,7 @@ void SessionCore::act_on(LinkMonitor::Event event) {
     begin_anew();
   } else if (event == Event::kGone) {
     say(Level::kDebug, "the server is gone");  // status() says so, and what it means for the tracker
-    query_.restart(session_);
+    query_.drop();
   } else {
     say(Level::kInfo, "connected to " + options_.server);
     spool_.resend_all();
@@ -138,6 +138,7 @@ void SessionCore::begin_anew() {
   session_ = new_session_();
   commands_.clear();
   seed_.restart(session_);
+  query_.drop();
   query_.restart(session_);
   append(requests_.restart(session_, kRestartedText), &request_replies_);
   append(spool_.restart(session_, kRestartedText), &offer_replies_);

@@ -6,7 +6,7 @@
 namespace cairn {
 
 wire::MapSeed make_message(const SeedSlot::Sendable& sendable, const CommandHeader& header) {
-  const SeedProposal& proposal = *sendable.proposal;
+  const SeedProposal& proposal = *sendable.item;
   wire::MapSeed message;
   message.client = header.client;
   message.command = sendable.command;
@@ -49,7 +49,7 @@ wire::KeyframeOffer make_message(const SessionCore::Offer& offer, const CommandH
 }
 
 wire::RelocQuery make_message(const QuerySlot::Sendable& sendable, const CommandHeader& header) {
-  const SentRelocQuery& query = *sendable.query;
+  const SentRelocQuery& query = *sendable.item;
   wire::RelocQuery message;
   message.client = header.client;
   message.command = sendable.command;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/session/replica.h"
@@ -112,36 +113,59 @@ class CommandSpool {
 using Spool = CommandSpool<OfferTopic>;
 using RequestSpool = CommandSpool<RequestTopic>;
 
-/// The one seed that may be under way (the tracker makes another only after a verdict). Pure. One thread.
-class SeedSlot {
+/// The one command of a kind that may be under way: to do it twice changes nothing. Pure: the time is handed
+/// in. One thread.
+template <typename Item>
+class CommandSlot {
  public:
-  explicit SeedSlot(SessionId session) : session_(session) {}
+  explicit CommandSlot(SessionId session) : session_(session) {}
 
-  /// Takes a seed; one that is still undecided is superseded.
-  void put(SeedProposal proposal);
+  /// Takes a command; one that is still undecided is superseded.
+  void put(Item item) {
+    item_ = std::make_shared<const Item>(std::move(item));
+    ++seq_;
+    timer_.send_at_once();
+  }
 
   struct Sendable {
     wire::CommandId command;
-    std::shared_ptr<const SeedProposal> proposal;
+    std::shared_ptr<const Item> item;
   };
-  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
+  /// The command if it is due, marked as sent now.
+  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now) {
+    if (item_ == nullptr || !timer_.due(now)) return std::nullopt;
+    timer_.sent(now);
+    return Sendable{{session_, seq_}, item_};
+  }
 
-  /// Whether the verdict is on the seed under way, which it then ends.
-  [[nodiscard]] bool apply(const wire::SeedVerdict& verdict);
+  /// Whether the decision (a verdict, an answer) is on the command under way, which it then ends.
+  template <typename Decision>
+  [[nodiscard]] bool apply(const Decision& decision) {
+    if (item_ == nullptr || decision.command != wire::CommandId{session_, seq_}) return false;
+    item_.reset();
+    return true;
+  }
 
-  void resend();
-  /// Another server: the seed, which needs no map, is sent to it under the new session.
-  void restart(SessionId session);
-  void drop() { proposal_.reset(); }
-
-  [[nodiscard]] bool empty() const { return proposal_ == nullptr; }
+  void resend() { timer_.send_at_once(); }
+  /// Another server: what is under way is sent to it under the new session.
+  void restart(SessionId session) {
+    session_ = session;
+    seq_ = item_ == nullptr ? 0 : 1;
+    timer_.send_at_once();
+  }
+  /// Nobody wants to know any more, or nobody will answer: a decision is on no command.
+  void drop() { item_.reset(); }
+  [[nodiscard]] bool empty() const { return item_ == nullptr; }
 
  private:
   SessionId session_;
   uint64_t seq_ = 0;
-  std::shared_ptr<const SeedProposal> proposal_;
+  std::shared_ptr<const Item> item_;
   ResendTimer timer_;
 };
+
+/// The tracker makes another only after a verdict.
+using SeedSlot = CommandSlot<SeedProposal>;
 
 /// A frame described, and when it was taken.
 struct SentRelocQuery {
@@ -150,33 +174,6 @@ struct SentRelocQuery {
   Timestamp time;
 };
 
-/// The one relocalization query that may be under way. Answering it changes nothing at the server, so it may
-/// be sent again. Pure. One thread.
-class QuerySlot {
- public:
-  explicit QuerySlot(SessionId session) : session_(session) {}
-
-  /// Takes a query; one that is still unanswered is superseded.
-  void put(SentRelocQuery query);
-
-  struct Sendable {
-    wire::CommandId command;
-    std::shared_ptr<const SentRelocQuery> query;
-  };
-  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
-  /// Whether the answer is to the query under way, which it then ends.
-  [[nodiscard]] bool apply(const wire::RelocAnswer& answer);
-  /// Nobody wants to know any more: an answer is to no query.
-  void drop() { query_.reset(); }
-  /// Nobody will answer: the server has gone or is another one, whose session this is.
-  void restart(SessionId session);
-  [[nodiscard]] bool empty() const { return query_ == nullptr; }
-
- private:
-  SessionId session_;
-  uint64_t seq_ = 0;
-  std::shared_ptr<const SentRelocQuery> query_;
-  ResendTimer timer_;
-};
+using QuerySlot = CommandSlot<SentRelocQuery>;
 
 }  // namespace cairn

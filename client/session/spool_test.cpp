@@ -210,7 +210,7 @@ TEST(SeedSlot, ANewerSeedSupersedesAndAnotherServerGetsItToo) {
   slot.restart(SessionId{78});
   const auto again = slot.next({});
   ASSERT_TRUE(again.has_value());
-  EXPECT_EQ(again->proposal, second->proposal);
+  EXPECT_EQ(again->item, second->item);
   EXPECT_EQ(again->command.session, SessionId{78});
 }
 
@@ -244,6 +244,7 @@ TEST(QuerySlot, ADroppedServerAnswersNothing) {
   slot.put({});
   const auto sent = slot.next(MonotonicTime{});
   ASSERT_TRUE(sent);
+  slot.drop();
   slot.restart(SessionId{6});
   EXPECT_TRUE(slot.empty());
   EXPECT_FALSE(slot.apply(answer_to(*sent)));

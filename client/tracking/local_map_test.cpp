@@ -5,8 +5,7 @@
 
 #include <chrono>
 
-#include "client/tracking/plane_scene.h"
-#include "client/tracking/tracker.h"
+#include "client/tracking/seeded_tracker.h"
 
 namespace cairn {
 namespace {
@@ -247,17 +246,9 @@ TEST_F(LocalAdjustment, WhatTheServerHasTakenInStays) {
 TEST(LocalMapTracker, ACameraThatExploresWithoutAServerIsTrackedForAMinute) {
   const auto camera =
       *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
-  const test::PlaneScene scene(3, camera);
   const Eigen::Quaterniond down(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()));
   const auto over = [&](double x, double y) { return SE3(down, -(down * Eigen::Vector3d(x, y, 1))); };
-  const MapSnapshotPtr map = scene.make_map(over(0, 0));
-  TrackerOptions options;
-  options.make_maps = false;
-  Tracker tracker(camera, options);
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  tracker.seed_accepted(answer);
+  test::TrackerOnPlane plane(camera, over(0, 0));
   constexpr int kFrames = 150;
   // A minute of 30 frames a second would take longer than all other tests. The clock alone is quick: from
   // frame to frame the camera moves as far as one at 0.5 m/s does in video, seen from 1 m.
@@ -271,8 +262,8 @@ TEST(LocalMapTracker, ACameraThatExploresWithoutAServerIsTrackedForAMinute) {
     const SE3 truth = over(kCircle * std::sin(angle), kCircle - kCircle * std::cos(angle));
     const double second = i < 0 ? i / 30.0 : kStep * i;  // found first
     const FrameResult& result =
-        tracker.track(scene.render(truth), Timestamp::from_seconds(0.2 + second), map);
-    if (result.reloc_query) tracker.relocalization_answered(std::nullopt);
+        plane.tracker.track(plane.scene.render(truth), Timestamp::from_seconds(0.2 + second), plane.map);
+    if (result.reloc_query) plane.tracker.relocalization_answered(std::nullopt);
     if (i < 0) continue;
     ASSERT_TRUE(result.pose_measured) << "frame " << i << ": " << result.note;
     worst = std::max(worst, (result.camera_from_map.center() - truth.center()).norm());

@@ -7,8 +7,7 @@
 
 #include <numbers>
 
-#include "client/tracking/plane_scene.h"
-#include "client/tracking/tracker.h"
+#include "client/tracking/seeded_tracker.h"
 #include "common/image/test_textures.h"
 
 namespace cairn {
@@ -30,27 +29,18 @@ void add(const SE3& pose, test::Hash* hash) {
 TEST(LockstepTest, TrackingAgreesOnEveryProcessor) {
   const CameraPtr camera = *make_camera(
       {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
-  const test::PlaneScene scene(3, camera);
-  const MapSnapshotPtr map = scene.make_map(above(0, 0));
-  TrackerOptions options;
-  options.make_maps = false;
-  Tracker tracker(camera, options);
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  tracker.seed_accepted(answer);
-
+  test::TrackerOnPlane plane(camera, above(0, 0));
   test::Hash images;
   test::Hash poses;
   int measured = 0;
   for (int frame = 0; frame < 24; ++frame) {
     const bool dark = frame >= 12 && frame < 16;
     const GrayImagePtr image = dark ? std::make_shared<GrayImage>(camera->width(), camera->height())
-                                    : scene.render(above(0.008 * frame, -0.004 * frame));
+                                    : plane.scene.render(above(0.008 * frame, -0.004 * frame));
     for (int y = 0; y < image->height(); ++y)
       for (int x = 0; x < image->width(); ++x) images.add(image->row(y)[x]);
-    const FrameResult& result = tracker.track(image, {frame * kFrame}, map);
-    if (result.reloc_query) static_cast<void>(tracker.relocalization_answered(std::nullopt));
+    const FrameResult& result = plane.tracker.track(image, {frame * kFrame}, plane.map);
+    if (result.reloc_query) static_cast<void>(plane.tracker.relocalization_answered(std::nullopt));
     measured += result.pose_measured ? 1 : 0;
     poses.add(result.found);
     add(result.camera_from_map, &poses);

@@ -8,6 +8,7 @@
 #include "client/tracking/plane_scene.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/pose_finder.h"
+#include "client/tracking/seeded_tracker.h"
 #include "common/geometry/two_view.h"
 #include "common/image/frame_images.h"
 
@@ -129,10 +130,7 @@ TEST(Tracker, StandingAndTurningCamerasProposeNothing) {
 class OnMap : public ::testing::Test {
  protected:
   OnMap() : map(scene.make_map(looking_down(0, 0))), tracker(camera, options()) {
-    SeedAnswer answer;
-    answer.map = map->map;
-    answer.second_keyframe = KeyframeId{1};
-    tracker.seed_accepted(answer);
+    tracker.seed_accepted(test::answer_with(*map));
     for (int i = 0; i < 3; ++i) {  // found from the keyframe, and verified
       if (step(looking_down(0, 0)).reloc_query) tracker.relocalization_answered(std::nullopt);
     }
@@ -494,10 +492,7 @@ TEST_F(OnMap, PoseRidesOnAnAdjustmentOfItsKeyframe) {
 
 TEST_F(OnMap, SameFramesSameBytes) {
   Tracker other(camera, options());
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  other.seed_accepted(answer);
+  other.seed_accepted(test::answer_with(*map));
   for (int i = 0; i < 3; ++i) {
     if (other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map).reloc_query)
       other.relocalization_answered(std::nullopt);
@@ -549,10 +544,7 @@ TEST_F(OnMap, AStrangerElsewhereStaysLost) {
 /// The map comes when the trails that began it are long dead and the camera has moved on.
 TEST_F(OnMap, AMapThatComesLateIsFoundFromItsKeyframes) {
   Tracker late(camera, options());
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  late.seed_accepted(answer);
+  late.seed_accepted(test::answer_with(*map));
   bool found = false;
   const SE3 pose = SE3(so3_exp({-0.14, 0, 0}), Eigen::Vector3d::Zero()) * looking_down(0.05, 0.02);
   for (int i = 0; i < 40 && !found; ++i)

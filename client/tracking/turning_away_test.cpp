@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/tracking/round_room.h"
-#include "client/tracking/tracker.h"
+#include "client/tracking/seeded_tracker.h"
 
 namespace cairn {
 namespace {
@@ -22,10 +22,7 @@ TEST(TurningAway, AwayFromTheMapOnlyTheRotationIsToldAndTheWayBackNeedsNoRelocal
   const MapSnapshotPtr map = room.map_of(SE3());
   Tracker tracker(camera, {});
   const auto turned = [](double yaw) { return SE3(so3_exp({0, yaw, 0}), Eigen::Vector3d::Zero()); };
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  tracker.seed_accepted(answer);
+  tracker.seed_accepted(test::answer_with(*map));
   constexpr double kStep = 2.5 * M_PI / 180;  // a frame: 75 degrees per second
   constexpr int kStill = 10;                  // frames
   constexpr int kTurn = 32;
@@ -67,10 +64,7 @@ struct BlankTurn {
     Tracker tracker(camera, {});
     const ImuMount mount{so3_exp({1.2, -0.4, 2.0}), {}};
     if (has_gyro) tracker.use_imu(mount);
-    SeedAnswer answer;
-    answer.map = map->map;
-    answer.second_keyframe = KeyframeId{1};
-    tracker.seed_accepted(answer);
+    tracker.seed_accepted(test::answer_with(*map));
     const auto blank = std::make_shared<const GrayImage>(320, 240);
     int lost_frames = 0;
     for (int i = 0; i < 2 * kStill + 2 * kTurn + kAway; ++i) {
@@ -113,10 +107,7 @@ TEST(TurningAway, AQuickSmearedTurnIsHeld) {
   const test::RoundRoom room(3, camera, 2);
   const MapSnapshotPtr map = room.map_of(SE3());
   Tracker tracker(camera, {});
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  tracker.seed_accepted(answer);
+  tracker.seed_accepted(test::answer_with(*map));
   constexpr double kFull = 35 * M_PI / 180;
   constexpr int kStill = 5;  // frames
   constexpr int kTurn = 16;

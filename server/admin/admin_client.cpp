@@ -51,17 +51,11 @@ size_t append(const json& page, const char* list, json* all) {
 }  // namespace
 
 Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
-  if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
-    return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  const auto joining = joining_options(options, options.server);
+  if (!joining) return tl::unexpected(joining.error());
   auto name = operator_name(options.security);
   if (!name) return tl::unexpected(name.error());
-  wire::ParticipantOptions joining;
-  joining.security = options.security;
-  joining.domain = static_cast<uint32_t>(options.domain);
-  joining.server_host = options.server;
-  joining.profile = options.profile.empty() ? wire::default_profile(options.server) : options.profile;
-  joining.listen = options.listen;
-  auto participant = wire::Participant::create(joining);
+  auto participant = wire::Participant::create(*joining);
   if (!participant) return tl::unexpected(participant.error());
   const std::string partition = wire::operator_partition(*name);
   auto requests = wire::Writer<wire::AdminRequest>::create(*participant, partition);

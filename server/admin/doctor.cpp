@@ -23,6 +23,7 @@
 #include "common/wire/network_path.h"
 #include "server/admin/doctor_security.h"
 #include "server/admin/listing.h"
+#include "server/admin/own_name.h"
 
 namespace cairn {
 namespace {
@@ -41,7 +42,9 @@ constexpr const char* kFooter =
     "  cairnctl doctor                                     of this machine and the server on it\n"
     "  cairnctl --server cairn.local doctor                of a client's way to a server\n"
     "  cairnctl --security cairn-keys/enclaves/operator/ann doctor\n"
-    "                                                      and of these keys, their authorities and crl.pem\n"
+    "                                                      and of these keys, their authorities and "
+    "crl.pem;\n"
+    "                                                      with a client's the server is not asked\n"
     "  cairnctl doctor --data /var/lib/cairn/store --keys cairn-keys";
 
 struct Words {
@@ -76,13 +79,7 @@ bool is_reserved(const std::string& reserved, uint64_t first, uint64_t last) {
 
 /// The way to the server, and whether the interface is there.
 std::vector<Finding> look_at_network(const AdminClientOptions& connection) {
-  wire::ParticipantOptions joining;
-  joining.domain = static_cast<uint32_t>(std::max(connection.domain, 0));
-  joining.server_host = connection.server;
-  joining.listen = connection.listen;
-  joining.profile =
-      connection.profile.empty() ? wire::default_profile(connection.server) : connection.profile;
-  const auto path = wire::find_path(joining);
+  const auto path = joining_options(connection, connection.server).and_then(wire::find_path);
   if (!path)
     return {{"interface", Grade::kProblem, path.error().message, "see to name, network and --listen"}};
   std::vector<Finding> findings{{"interface", Grade::kOk, wire::describe(*path), ""}};
@@ -106,6 +103,9 @@ std::vector<Finding> look_at_network(const AdminClientOptions& connection) {
 }
 
 Finding look_at_server(const AdminClientOptions& connection) {
+  if (!connection.security.empty()) {
+    if (auto finding = why_not_asked(connection.security, wall_clock_now())) return *std::move(finding);
+  }
   auto client = AdminClient::connect(connection);
   if (!client)
     return {"server", Grade::kProblem, client.error().message,
@@ -223,6 +223,10 @@ void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalA
   doctor->callback([=] {
     *local = [=](bool as_json) {
       std::vector<Finding> findings = look_at_network(*connection);
+      if (!connection->security.empty()) {  // before the server, which is asked with these keys
+        const auto own = look_at_security(connection->security, wall_clock_now());
+        findings.insert(findings.end(), own.begin(), own.end());
+      }
       findings.push_back(look_at_server(*connection));
       findings.push_back(judge_ports(content_of("/proc/sys/net/ipv4/ip_local_port_range"),
                                      content_of("/proc/sys/net/ipv4/ip_local_reserved_ports"),
@@ -230,10 +234,6 @@ void describe_doctor(CLI::App* app, const AdminClientOptions* connection, LocalA
       findings.push_back(judge_buffers(content_of("/proc/sys/net/core/rmem_max")));
       findings.push_back(look_at_clock());
       if (!words->data.empty()) findings.push_back(look_at_disk(words->data));
-      if (!connection->security.empty()) {
-        const auto own = look_at_security(connection->security, wall_clock_now());
-        findings.insert(findings.end(), own.begin(), own.end());
-      }
       if (!words->keys.empty()) findings.push_back(look_at_certificates(words->keys, wall_clock_now()));
       return tell(findings, as_json);
     };

@@ -76,6 +76,15 @@ std::vector<Finding> look_at_security(const std::string& folder, Timestamp now) 
           look_at_authorities(security->folder, now), look_at_revocations(security->folder, now)};
 }
 
+std::optional<Finding> why_not_asked(const std::string& folder, Timestamp now) {
+  const auto security = wire::read_security(folder, now);
+  if (security && security->role == "operator") return std::nullopt;
+  const std::string why = security ? "these keys are of " + security->role + " " + security->name
+                                   : "these keys are of no use as they are";
+  return Finding{"server", Grade::kWarning, "was not asked: it answers operators, and " + why,
+                 "name the folder of an operator's keys with --security"};
+}
+
 Finding look_at_certificates(const std::string& folder, Timestamp now) {
   const auto known = read_register(fs::path(folder) / kRegisterFile);
   if (!known)

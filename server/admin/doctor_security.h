@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,10 @@ namespace cairn {
 /// Of a security folder, as --security takes it: whether it is whole, when its certificate and its
 /// authorities expire, and the list of those who are revoked. Where it is not whole, that alone is told.
 [[nodiscard]] std::vector<Finding> look_at_security(const std::string& folder, Timestamp now);
+
+/// What is told of the server instead of asking it, which answers only operators: the keys in this folder are
+/// others', or of no use. Nothing: it can be asked.
+[[nodiscard]] std::optional<Finding> why_not_asked(const std::string& folder, Timestamp now);
 
 /// Of a folder with a register: that of a site's keys, or a server's security folder.
 [[nodiscard]] Finding look_at_certificates(const std::string& folder, Timestamp now);

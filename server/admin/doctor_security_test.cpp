@@ -38,7 +38,7 @@ class DoctorOfASite : public ::testing::Test {
     folder_ = keys->issue(ann, hours(24 * 30), kNow).value();
     Identity phone;
     phone.name = "phone-1";
-    (void)keys->issue(phone, hours(24), kNow).value();
+    phone_ = keys->issue(phone, hours(24), kNow).value();
   }
   static std::vector<Grade> grades(const std::vector<Finding>& findings) {
     std::vector<Grade> all;
@@ -48,7 +48,19 @@ class DoctorOfASite : public ::testing::Test {
   const TestDirectory directory_;
   const std::filesystem::path keys_ = directory_.path() / "keys";
   std::filesystem::path folder_;
+  std::filesystem::path phone_;
 };
+
+/// Before, the server was said to be in the way, and its operator told to start it.
+TEST_F(DoctorOfASite, AServerIsAskedWithTheKeysOfAnOperatorAlone) {
+  EXPECT_FALSE(why_not_asked(folder_, kNow));
+  const auto of_client = why_not_asked(phone_, kNow);
+  ASSERT_TRUE(of_client);
+  EXPECT_EQ(of_client->grade, Grade::kWarning) << "nothing is wrong with the device";
+  EXPECT_THAT(of_client->detail, HasSubstr("of client phone-1"));
+  EXPECT_THAT(of_client->remedy, HasSubstr("an operator's keys"));
+  EXPECT_TRUE(why_not_asked(folder_, kNow + hours(24 * 31))) << "they have expired";
+}
 
 TEST_F(DoctorOfASite, OwnKeysTheirAuthoritiesAndTheListOfTheRevokedAreLookedAt) {
   const auto well = look_at_security(folder_, kNow);

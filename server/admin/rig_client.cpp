@@ -21,18 +21,12 @@ constexpr std::chrono::seconds kPatience{5};
 }  // namespace
 
 Result<RigClient> RigClient::join(const RigClientOptions& options) {
-  if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
-    return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  auto joining = joining_options(options, options.host);
+  if (!joining) return tl::unexpected(joining.error());
+  joining->role = wire::Role::kRigClient;
   auto name = operator_name(options.security);
   if (!name) return tl::unexpected(name.error());
-  wire::ParticipantOptions joining;
-  joining.security = options.security;
-  joining.role = wire::Role::kRigClient;
-  joining.domain = static_cast<uint32_t>(options.domain);
-  joining.server_host = options.host;
-  joining.profile = options.profile.empty() ? wire::default_profile(options.host) : options.profile;
-  joining.listen = options.listen;
-  auto participant = wire::Participant::create(joining);
+  auto participant = wire::Participant::create(*joining);
   if (!participant) return tl::unexpected(participant.error());
   auto orders = wire::Writer<wire::RigCommand>::create(*participant,
                                                        wire::operator_to_rig_partition(options.rig, *name));

@@ -417,12 +417,7 @@ size_t payload_bytes<SeedVerdict>(const cairn_SeedVerdict& sample) {
 
 template <>
 cairn_OfferVerdict encode(const OfferVerdict& message, Scratch* scratch) {
-  cairn_OfferVerdict sample{};
-  put_id(message.client.bytes, sample.client_id);
-  sample.schema_version = kSchemaVersion;
-  sample.session = message.session.value;
-  sample.last_decided = message.last_decided;
-  sample.credit = message.credit;
+  auto sample = encode_decided<cairn_OfferVerdict>(message);
   fill_sequence(message.recent.size(), scratch, &sample.recent, [&](size_t i, cairn_OfferOutcome& out) {
     const OfferOutcome& outcome = message.recent[i];
     out.seq = outcome.seq;
@@ -446,27 +441,21 @@ OfferVerdict decode_key<OfferVerdict>(const cairn_OfferVerdict& sample) {
 template <>
 Result<OfferVerdict> decode<OfferVerdict>(const cairn_OfferVerdict& sample) {
   Check check;
-  check.schema(sample.schema_version);
-  check.count(sample.recent, kMaxOutcomes);
-  if (!check.passed()) return unfit(check.what());
-  OfferVerdict message = decode_key<OfferVerdict>(sample);
-  message.session = {sample.session};
-  message.last_decided = sample.last_decided;
-  message.credit = sample.credit;
-  message.recent.reserve(sample.recent._length);
+  auto message = decode_decided<OfferVerdict>(sample, &check);
+  if (!message) return message;
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_OfferOutcome& outcome = sample.recent._buffer[i];
     check.require(is_enumerator<OfferDecision>(outcome.decision), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
-    message.recent.push_back({outcome.seq,
-                              static_cast<OfferDecision>(outcome.decision),
-                              get_text(outcome.reason),
-                              get_id<MapId>(outcome.map_id),
-                              {outcome.keyframe},
-                              {outcome.epoch},
-                              {outcome.revision}});
+    message->recent.push_back({outcome.seq,
+                               static_cast<OfferDecision>(outcome.decision),
+                               get_text(outcome.reason),
+                               get_id<MapId>(outcome.map_id),
+                               {outcome.keyframe},
+                               {outcome.epoch},
+                               {outcome.revision}});
   }
-  return checked_message(check, std::move(message));
+  return checked_message(check, *std::move(message));
 }
 
 template <>

@@ -135,6 +135,31 @@ template <size_t N>
   return {{number.session}, number.seq};
 }
 
+/// What is decided of a client's commands (OfferVerdict, ClientReply), but for the decisions.
+template <typename Sample, typename Message>
+[[nodiscard]] Sample encode_decided(const Message& message) {
+  Sample sample{};
+  put_id(message.client.bytes, sample.client_id);
+  sample.schema_version = kSchemaVersion;
+  sample.session = message.session.value;
+  sample.last_decided = message.last_decided;
+  sample.credit = message.credit;
+  return sample;
+}
+/// Likewise, with as many decisions as the limits allow.
+template <typename Message, typename Sample>
+[[nodiscard]] Result<Message> decode_decided(const Sample& sample, Check* check) {
+  check->schema(sample.schema_version);
+  check->count(sample.recent, kMaxOutcomes);
+  if (!check->passed()) return unfit(check->what());
+  auto message = decode_key<Message>(sample);
+  message.session = {sample.session};
+  message.last_decided = sample.last_decided;
+  message.credit = sample.credit;
+  message.recent.reserve(sample.recent._length);
+  return message;
+}
+
 template <typename T, typename Sequence>
 [[nodiscard]] std::vector<T> get_sequence(const Sequence& sequence) {
   return std::vector<T>(sequence._buffer, sequence._buffer + sequence._length);

@@ -62,12 +62,7 @@ size_t payload_bytes<ClientRequest>(const cairn_ClientRequest& sample) {
 
 template <>
 cairn_ClientReply encode(const ClientReply& message, Scratch* scratch) {
-  cairn_ClientReply sample{};
-  put_id(message.client.bytes, sample.client_id);
-  sample.schema_version = kSchemaVersion;
-  sample.session = message.session.value;
-  sample.last_decided = message.last_decided;
-  sample.credit = message.credit;
+  auto sample = encode_decided<cairn_ClientReply>(message);
   fill_sequence(message.recent.size(), scratch, &sample.recent, [&](size_t i, cairn_RequestOutcome& out) {
     const RequestOutcome& outcome = message.recent[i];
     out.seq = outcome.seq;
@@ -89,24 +84,19 @@ ClientReply decode_key<ClientReply>(const cairn_ClientReply& sample) {
 template <>
 Result<ClientReply> decode<ClientReply>(const cairn_ClientReply& sample) {
   Check check;
-  check.schema(sample.schema_version);
-  check.count(sample.recent, kMaxOutcomes);
-  if (!check.passed()) return unfit(check.what());
-  ClientReply message = decode_key<ClientReply>(sample);
-  message.session = {sample.session};
-  message.last_decided = sample.last_decided;
-  message.credit = sample.credit;
+  auto message = decode_decided<ClientReply>(sample, &check);
+  if (!message) return message;
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_RequestOutcome& outcome = sample.recent._buffer[i];
     check.require(is_enumerator<RequestDecision>(outcome.decision), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
-    message.recent.push_back({outcome.seq,
-                              static_cast<RequestDecision>(outcome.decision),
-                              get_text(outcome.reason),
-                              get_id<MapId>(outcome.map_id),
-                              {outcome.label}});
+    message->recent.push_back({outcome.seq,
+                               static_cast<RequestDecision>(outcome.decision),
+                               get_text(outcome.reason),
+                               get_id<MapId>(outcome.map_id),
+                               {outcome.label}});
   }
-  return checked_message(check, std::move(message));
+  return checked_message(check, *std::move(message));
 }
 
 template <>
