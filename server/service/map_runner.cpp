@@ -96,8 +96,8 @@ void MapRunner::start(SeedJob job, SeedDone done) {
     self->guarded([&] { result = self->make_map(&job); });
     if (!result) return done(std::move(result), nullptr);
     if (!job.lockstep) return self->answer_seed(job, std::move(result), done);
-    self->finish_all_work(
-        0, [self, job = std::move(job), result, done] { self->answer_seed(job, result, done); });
+    self->finish_in_lockstep(
+        [self, job = std::move(job), result, done] { self->answer_seed(job, result, done); });
   };
   queue_.post(std::move(make), Urgency::kUrgent);
 }
@@ -218,7 +218,7 @@ void MapRunner::decide(OfferJob job, MonotonicTime arrival, OfferDone done) {
     if (accepted) schedule_upkeep();
     return;
   }
-  finish_all_work(0, [self = shared_from_this(), origin, judgement = std::move(judgement),
+  finish_in_lockstep([self = shared_from_this(), origin, judgement = std::move(judgement),
                       done = std::move(done)] { self->answer_offer(origin, judgement, done); });
 }
 
@@ -319,7 +319,7 @@ void MapRunner::schedule_upkeep() {
 
 void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
-  if (stopping_ || frozen_) return;
+  if (stopping_ || frozen_ || lockstep_jobs_ > 0) return;
   if (needs_images()) return page_in([self = shared_from_this()] { self->schedule_upkeep(); });
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report =
@@ -360,6 +360,15 @@ void MapRunner::adjust_globally(Executor* executor, std::function<void(bool adop
         if (self->times_ != nullptr) self->times_->worked(report, cpu);
       }));
     });
+  });
+}
+
+/// Upkeep leaves all work to it: that yields, and adjusts in the background, when the machine's time has it.
+void MapRunner::finish_in_lockstep(std::function<void()> then) {
+  ++lockstep_jobs_;
+  finish_all_work(0, [self = shared_from_this(), then = std::move(then)] {
+    --self->lockstep_jobs_;
+    then();
   });
 }
 

@@ -167,6 +167,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void begin_global_adjustment();
   /// For lockstep: a step a task until nothing is left to do, global adjustments as tasks of their own. Then
   /// `then` is called, whether or not the work has failed.
+  void finish_in_lockstep(std::function<void()> then);
   void finish_all_work(int adjustments, std::function<void()> then);
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
   /// Solves in an executor and adopts on the queue, then calls `then` there.
@@ -238,6 +239,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   std::vector<MonotonicTime> offered_;  ///< arrivals of those whose keyframes the next revision has
   std::vector<MonotonicTime> pointed_;  ///< arrivals of those whose points the next revision has
   bool upkeep_scheduled_ = false;
+  int lockstep_jobs_ = 0;  ///< whose work is being finished
   bool adjusting_globally_ = false;
   bool save_scheduled_ = false;
   uint64_t changes_ = 0;                      ///< counts what is taken in, and what is handed to the store
