@@ -165,9 +165,10 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void schedule_upkeep();
   void do_upkeep();
   void begin_global_adjustment();
+  /// All work with its global adjustments, beside which no upkeep runs; then `then` is called.
+  void finish_in_lockstep(std::function<void()> then);
   /// For lockstep: a step a task until nothing is left to do, global adjustments as tasks of their own. Then
   /// `then` is called, whether or not the work has failed.
-  void finish_in_lockstep(std::function<void()> then);
   void finish_all_work(int adjustments, std::function<void()> then);
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
   /// Solves in an executor and adopts on the queue, then calls `then` there.
