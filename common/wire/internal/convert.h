@@ -97,11 +97,20 @@ template <typename Message>
   X(PictureRequest, cairn_PictureRequest)    \
   X(CameraPicture, cairn_CameraPicture)
 
-#define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
-  template <>                             \
-  struct DdsTypeOf<Message> {             \
-    using type = Dds;                     \
-  };
+// A specialization is declared before any file uses it, as files can be compiled as one.
+#define CAIRN_WIRE_DDS_TYPE(Message, Dds)        \
+  template <>                                    \
+  struct DdsTypeOf<Message> {                    \
+    using type = Dds;                            \
+  };                                             \
+  template <>                                    \
+  Dds encode<Message>(const Message&, Scratch*); \
+  template <>                                    \
+  Result<Message> decode<Message>(const Dds&);   \
+  template <>                                    \
+  Message decode_key<Message>(const Dds&);       \
+  template <>                                    \
+  size_t payload_bytes<Message>(const Dds&);
 CAIRN_WIRE_MESSAGES(CAIRN_WIRE_DDS_TYPE)
 #undef CAIRN_WIRE_DDS_TYPE
 
