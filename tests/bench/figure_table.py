@@ -127,8 +127,12 @@ def render(table, kept):
     return "\n".join(lines)
 
 
-def merged(kept, columns, rows, command):
-    """The new rows in the place of the old ones, which become those of the time before; ValueError: there is no command."""
+def merged(kept, columns, rows, command, turned=False):
+    """The new rows in the place of the old ones, which become those of the time before; ValueError: there is no command, or a column, of
+    what was played, would be lost."""
+    lost = [column for column in kept.get("columns", []) if column not in columns]
+    if turned and lost:
+        raise ValueError(f"nothing was played for its column '{lost[0]}'; play all in one run, or remove figures/ of it to begin it anew")
     if kept and kept["columns"] != columns:
         kept = {"command": kept["command"]}  # another table: nothing to compare with
     if not (command or kept.get("command")):

@@ -55,7 +55,7 @@ WRITTEN = {
     "rig-search": {"bus": "vcan0", "search": [{"seconds": 2.5, "wrong": 0}, {"seconds": 1.5, "wrong": 3}, {"seconds": None, "wrong": 0}]},
     "rig-stop": {"bus": "vcan0", "stop_ms": [10, 12]}, "rig-calibration": {"bus": "vcan0", "calibrate": {"camera": 0.1, "imu": 0.2, "offset": 2}},
     "imu": [{"speed": 8.0, "without": [0.9, 1.0], "with": [1.0, 1.0]}],
-    "security": {"open": [RUN], "secured": [RUN]}, "flood": {"alone": [RUN], "beside the flood": [RUN, RUN]},
+    "security": {"open": [RUN], "secured": [RUN]}, "flood": {"alone": [RUN], "beside one more": [RUN], "beside the flood": [RUN, RUN]},
     "readers": [{"readers": 64, "nice": nice, "server_cores": 0.5, "readers_cores": 0.75, "server_peak_mb": 200, "verdict_p50_ms": 1, "verdict_p95_ms": 12.5,
                  "keyframe_to_points_ms": SPREAD} for nice in (0, 19)],
     "idle": [{"idle": 256, "io_thread_cores": 0.25, "other_threads_cores": {"a": 0.5, "b": 0.25}, "server_peak_mb": 96}],
@@ -91,7 +91,7 @@ class Tables(unittest.TestCase):
 
     def test_a_turned_table_has_a_column_for_each_kind(self):
         columns, rows = TABLES["flood"].figures(WRITTEN["flood"])
-        self.assertEqual(columns, ["alone", "beside the flood"])
+        self.assertEqual(columns, ["alone", "beside one more", "beside the flood"])
         self.assertEqual(list(rows)[:len(WAITS)], [column.heading for column in WAITS])
 
     def test_what_was_not_found_is_in_no_median_and_counted(self):
@@ -152,6 +152,12 @@ class Keeping(unittest.TestCase):
             render(Table("{n}", (Column("b", median("b")),)), self.OLD)
         with self.assertRaises(ValueError):
             merged({}, ["a"], {"one": [1]}, None)
+
+    def test_a_turned_table_loses_no_column(self):
+        kept = {"command": "run-x", "columns": ["alone", "beside"], "rows": {"p50": [1, 2]}}
+        with self.assertRaisesRegex(ValueError, "nothing was played for its column 'beside'"):
+            merged(kept, ["alone", "other"], {"p50": [1, 3]}, None, turned=True)
+        self.assertEqual(merged(kept, ["alone", "beside"], {"p50": [1, 3]}, None, turned=True)["before"], {"p50": [1, 2]})
 
     def test_only_what_is_between_its_marks_is_replaced(self):
         begin, end = begin_and_end("flood")
