@@ -12,6 +12,18 @@ namespace {
 
 constexpr std::chrono::milliseconds kSlice(100);  ///< how long a request to stop may go unheard
 
+/// What is thrown (memory, the log) is the file's fault: the run's other files are closed all the same.
+Status write(const std::filesystem::path& path, const CameraPtr& camera, const std::string& how,
+             const Logger& log) {
+  try {
+    if (auto written = write_calibration_kalibr(path, camera->parameters(), how); !written) return written;
+    log->info("camera written to {}; next time: --calibration {}", path.string(), path.string());
+    return {};
+  } catch (const std::exception& problem) {
+    return fail(ErrorCode::kIo, path.string() + ": " + problem.what());
+  }
+}
+
 }  // namespace
 
 Status check_writable(const std::filesystem::path& path) {
@@ -32,11 +44,7 @@ void CalibrationSaver::on_camera(const CameraUpdate& update) {
   latest_ = update;
   if (!update.frozen) return;
   const std::string how = "calibrated by cairn-track while a map grew: " + describe(update);
-  written_ = std::async(std::launch::async, [path = path_, log = log_, camera = update.camera, how] {
-    Status written = write_calibration_kalibr(path, camera->parameters(), how);
-    if (written) log->info("camera written to {}; next time: --calibration {}", path.string(), path.string());
-    return written;
-  });
+  written_ = std::async(std::launch::async, write, path_, update.camera, how, log_);
 }
 
 Status CalibrationSaver::finish(const std::function<bool()>& stop_requested) {

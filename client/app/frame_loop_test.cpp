@@ -133,7 +133,7 @@ TEST(FrameLoop, EachFrameComesWithTheSamplesThatItNeeds) {
   EXPECT_EQ(rig.tracker.words_before_first_frame, 1U);
 }
 
-/// A rig finds out at work how its IMU sits, and how its clock goes.
+/// A rig learns at work how its IMU sits, and how its clock goes.
 TEST(FrameLoop, TheTrackerIsToldOfAnotherMountOfTheImu) {
   ImuQueue imu;
   const auto mounted = [&imu](int ms) {

@@ -89,7 +89,7 @@ TEST_F(RigLinkTest, SamplesOfTheRigAreForTheTrackerOnceItKnowsHowTheImuSits) {
   ASSERT_TRUE(until([this] { return link_->imu().mount().has_value(); }));
   EXPECT_EQ(link_->imu().mount()->clock_offset, -2ms);
   link_.reset();  // and with it the thread that speaks
-  EXPECT_THAT(said_.str(), HasSubstr("`cairn-rig calibrate` finds it out"));
+  EXPECT_THAT(said_.str(), HasSubstr("`cairn-rig calibrate` determines it"));
   EXPECT_THAT(said_.str(), HasSubstr("its gyro is used"));
 }
 

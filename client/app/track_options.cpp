@@ -35,9 +35,8 @@ constexpr const char* kFooter =
     "Sources: tum:DIR, euroc:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
     "images: takes times=FILE instead of fps=, and match=GLOB where images of several kinds lie side by "
-    "side. "
-    "unit=s|ms|us|ns: what the times of a list count (tum:, euroc:, times=). Videos are turned upright as "
-    "players show them; their calibration is for that size.\n"
+    "side. unit=s|ms|us|ns: what the times of a list count (tum:, euroc:, times=). Videos are turned upright "
+    "as players show them; their calibration is for that size.\n"
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
     "The configuration file has the names of the long options as keys, e.g. `domain: 3`, and the constants "
     "of\n"
@@ -95,16 +94,15 @@ std::string check_seed(const std::string& text) {
   return is_number ? "" : "'" + text + "' is not a number from 0 to 18446744073709551615";
 }
 
-void declare(CLI::App& app, Words& words) {
+void declare_camera(CLI::App& app, Words& words) {
   auto& options = words.options;
   app.add_option("--source", options.source, "where frames come from (see below); needed")->type_name("URI");
   app.add_option(
          "--calibration", words.calibration,
          "camera.txt, or a calibration of Kalibr, OpenCV, ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI "
-         "or "
-         "PTAM; FILE#NAME takes one of several cameras; auto: focal length and k1 are found "
-         "out while the map grows, from nothing or from a rough FILE. A FILE without distortion is believed "
-         "to 0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
+         "or PTAM; FILE#NAME takes one of several cameras; auto: focal length and k1 are self-calibrated while "
+         "the map grows, from nothing or from a rough FILE. A FILE without distortion is believed to 0.5 % and "
+         "refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
       ->type_name("FILE|auto|auto:FILE|exact:FILE");
   app.add_option(
          "--imu", words.imu,
@@ -123,6 +121,10 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--save-calibration", words.saved_calibration,
                  "where a camera that was calibrated is written [cairn-camera-NAME.yaml]")
       ->type_name("FILE");
+}
+
+void declare_network(CLI::App& app, Words& words) {
+  auto& options = words.options;
   app.add_option("--server", options.server, "host of cairn-server")
       ->type_name("HOST")
       ->capture_default_str();
@@ -135,6 +137,10 @@ void declare(CLI::App& app, Words& words) {
                  "network interface or address of this machine [that of the route to the server]")
       ->type_name("IFACE|ADDR");
   app.add_option("--security", options.security, wire::kSecurityHelp)->type_name("DIR");
+}
+
+void declare_client(CLI::App& app, Words& words) {
+  auto& options = words.options;
   app.add_option("--name", words.name, "of this client [that of its keys, else host name and process id]")
       ->check(check_name)
       ->type_name("NAME");
@@ -157,6 +163,10 @@ void declare(CLI::App& app, Words& words) {
          fmt::format("a builder lost that long where no map is known begins one [{}]", options.lost_patience))
       ->check(CLI::Range(1, 3600))
       ->type_name("SECONDS");
+}
+
+void declare_run(CLI::App& app, Words& words) {
+  auto& options = words.options;
   app.add_option("--pace", words.pace,
                  "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
       ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
@@ -173,6 +183,10 @@ void declare(CLI::App& app, Words& words) {
                  "with --headless: labels to be placed on the way, rows `timestamp x y text`: as if somebody "
                  "pointed at that pixel of the frame of that time and typed the text")
       ->type_name("FILE");
+}
+
+void declare_rig(CLI::App& app, Words& words) {
+  auto& options = words.options;
   app.add_option("--rig", options.rig,
                  "name of the rig on this host that carries the camera: this tracker commands it, and has it "
                  "search when lost")
@@ -190,6 +204,14 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("PATTERN");
   app.add_option("--fixate", options.fixated_label, "with --rig-mode fixate: the label of that text")
       ->type_name("LABEL");
+}
+
+void declare(CLI::App& app, Words& words) {
+  declare_camera(app, words);
+  declare_network(app, words);
+  declare_client(app, words);
+  declare_run(app, words);
+  declare_rig(app, words);
   app.add_option("--config", words.config, "settings as YAML; what the command line says wins")
       ->type_name("FILE");
   app.add_flag("--print-config", words.prints_config,

@@ -21,8 +21,7 @@ using ::testing::HasSubstr;
 
 constexpr const char* kEurocHeading =
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y "
-    "[m "
-    "s^-2],a_RS_S_z [m s^-2]\n";
+    "[m s^-2],a_RS_S_z [m s^-2]\n";
 constexpr int64_t kBegin = 1'403'715'273'000'000'000;
 
 class ImuFiles : public FrameSourceFiles {

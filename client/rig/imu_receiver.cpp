@@ -47,13 +47,13 @@ std::optional<ImuReceiver::News> ImuReceiver::hear(const wire::RigState& state) 
   switch (use) {
     case Use::kNoMount:
       return News{fmt::format("rig {}: its configuration does not say how camera and IMU sit on the head, so "
-                              "the gyro is not used; `cairn-rig calibrate` finds it out",
+                              "the gyro is not used; `cairn-rig calibrate` determines it",
                               state.rig),
                   true};
     case Use::kNoClock:
       return News{fmt::format("rig {}: it is not known how stamps of the camera lie to those of the IMU, so "
                               "the gyro is not used until the rig has estimated it; `cairn-rig calibrate` "
-                              "finds it out for good",
+                              "determines it for good",
                               state.rig),
                   true};
     case Use::kNoSamples:

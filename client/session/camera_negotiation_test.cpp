@@ -12,7 +12,7 @@ constexpr ClientId kClient{5};
 const MapId kDesk{{7}};
 const MapId kBench{{8}};
 
-/// A camera of which focal length is believed to 10 %, k1 to 0.05, and maps that find it out.
+/// A camera of which focal length is believed to 10 %, k1 to 0.05, and maps that self-calibrate it.
 class CameraNegotiationTest : public ::testing::Test {
  protected:
   static IntrinsicsPrior believed(double focal_length = 500) {

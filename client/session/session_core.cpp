@@ -224,7 +224,7 @@ bool SessionCore::take(const MapSnapshotPtr& revision) {
     own_map_ = {};
     if (!camera_.is_self_calibrated_by(*revision)) {
       say(Actions::Notice::Level::kWarning,
-          "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
+          "this server does not self-calibrate cameras: its map takes what is believed of ours for exact; pass "
           "--calibration FILE, exact:FILE where it has no distortion");
     }
   }

@@ -253,7 +253,8 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
     if (supplement.position) add_prior(*supplement.position, pose, &information, &gradient);
     const auto factor = factorize(information);
     if (!factor) return singular();
-    // The update of the pose: PTAM 2007, eq. 6 and 8.
+    // The update of the pose: PTAM 2007, eq. 6 and 8. The residual is that of eq. 9 with the other sign:
+    // projected - measured.
     const Vector6d step = -factor->solve(gradient);
     pose = SE3::exp(step) * pose;
     if (!pose.is_finite()) return singular();

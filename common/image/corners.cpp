@@ -317,6 +317,15 @@ void detect_fast10(const GrayView& image, int threshold, CornerList* out) {
   kernels::detect_fast10(image, threshold, out, best_simd());
 }
 
+std::array<CornerList, kPyramidLevels> detect_corners(const Pyramid& pyramid) {
+  std::array<CornerList, kPyramidLevels> corners;
+  for (int level = 0; level < kPyramidLevels; ++level) {
+    const auto l = static_cast<size_t>(level);
+    detect_fast10(pyramid.level(level), kFastThresholds[l], &corners[l]);
+  }
+  return corners;
+}
+
 int fast10_score(const GrayView& image, int x, int y) {
   const uint8_t* center = image.row(y) + x;
   std::array<int, kRing> ring{};

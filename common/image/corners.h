@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "common/image/image.h"
+#include "common/image/pyramid.h"
 
 namespace cairn {
 
@@ -31,6 +33,13 @@ struct CornerList {
 /// Vectorized with run-time dispatch (scalar, SSE2, AVX2 give the same list). Corners at least 3 px inside
 /// the image. Reuses the memory of `out`.
 void detect_fast10(const GrayView& image, int threshold, CornerList* out);
+
+/// FAST's thresholds by level of the pyramid [grey levels] (PTAM r114). No option: the tracker, the map maker
+/// and the relocalizer must find the same corners in an image.
+inline constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};
+
+/// The corners of all levels, by those thresholds.
+[[nodiscard]] std::array<CornerList, kPyramidLevels> detect_corners(const Pyramid& pyramid);
 
 /// FAST score: the largest threshold at which the pixel is still a FAST-10 corner (0..254); 0 also where
 /// it is none at any.

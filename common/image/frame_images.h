@@ -16,9 +16,6 @@ namespace cairn {
 /// one size.
 class FrameImages {
  public:
-  /// FAST thresholds by level (PTAM r114).
-  static constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
-
   Pyramid pyramid;
   Smear smear;     ///< of its exposure, as far as it is known
   TinyImage tiny;  ///< blur 0.75: frame-to-frame rotation prior
@@ -36,7 +33,7 @@ class FrameImages {
     tiny.assign(pyramid.level(kPyramidLevels - 1), kPriorBlur, still_.get());
   }
   [[nodiscard]] const StillMaskPtr& still() const { return still_; }
-  /// What stands still has been found out since.
+  /// What stands still is known better since.
   void use_mask(StillMaskPtr still) {
     still_ = std::move(still);
     has_corners_.fill(false);

@@ -67,7 +67,6 @@ constexpr size_t kRadtanValues = 9;
 
 constexpr std::string_view kFormats =
     "expected one line `width height fx fy cx cy [k1 k2 p1 p2 [k3]]` (pixels), or the file of Kalibr, "
-    "OpenCV, "
-    "ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI or PTAM";
+    "OpenCV, ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI or PTAM";
 
 }  // namespace cairn::calibration

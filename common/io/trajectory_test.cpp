@@ -130,8 +130,7 @@ TEST_F(TrajectoryFile, TakesTheFormsThatPeopleHave) {
 
 constexpr const char* kEurocHeading =
     "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], "
-    "v_RS_R_x "
-    "[m s^-1]\r\n";
+    "v_RS_R_x [m s^-1]\r\n";
 
 TEST_F(TrajectoryFile, EurocAndItsKinHaveNanosecondsAndWFirst) {
   const Eigen::Quaterniond turn(0.8, 0.6, 0, 0);  // w x y z

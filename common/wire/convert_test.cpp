@@ -503,10 +503,10 @@ TEST(Validation, WearersCameras) {
     m.image = {ImageEncoding::kRaw, 2, 2, std::vector<uint8_t>(4)};
   });
   camera_image.refuses("empty", [](auto& m) { m.image.bytes.clear(); });
-  camera_image.refuses("wide", [](auto& m) { m.image.width = kMaxCameraPictureSide + 1; });
+  camera_image.refuses("wide", [](auto& m) { m.image.width = kMaxCameraImageSide + 1; });
   camera_image.refuses("more than a datagram", [](auto& m) {
-    m.image.width = m.image.height = kMaxCameraPictureSide;
-    m.image.bytes.resize(kMaxCameraPictureBytes + 1);
+    m.image.width = m.image.height = kMaxCameraImageSide;
+    m.image.bytes.resize(kMaxCameraImageBytes + 1);
   });
 }
 
@@ -515,8 +515,8 @@ TEST(Sizes, AnImageIsOneDatagramOfTheLoopbackProfile) {
   message.name.assign(kMaxNameLength, 'x');
   message.map.assign(kMaxNameBytes, 'x');
   message.note.assign(kMaxCameraPictureNote, 'x');
-  message.image = {ImageEncoding::kJpeg, kMaxCameraPictureSide, kMaxCameraPictureSide,
-                   std::vector<uint8_t>(kMaxCameraPictureBytes)};
+  message.image = {ImageEncoding::kJpeg, kMaxCameraImageSide, kMaxCameraImageSide,
+                   std::vector<uint8_t>(kMaxCameraImageBytes)};
   Scratch scratch;
   EXPECT_LT(internal::payload_bytes<CameraPicture>(encode(message, &scratch)), 64'000U);
 }

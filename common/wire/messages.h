@@ -143,7 +143,7 @@ struct TrackerStateMessage {
   Epoch epoch;
   Revision revision;  ///< of the replica in use
   SE3 camera_from_map;
-  float quality = 0;  ///< found / attempted, 0..1
+  float quality = 0;  ///< found / (attempted - hidden), 0..1
   Timestamp frame_time;
   std::string wearer;  ///< who wears the camera, as the tracker claims; empty: nobody in particular
 };

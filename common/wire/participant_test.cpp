@@ -88,7 +88,7 @@ TEST_F(WireTest, TheCamerasOfAWearerHearEachOtherAndNoOtherWearers) {
   const Participant shoulder = camera_of("ada");
   const Participant other = camera_of("bob");
   auto message = random_.make<CameraPicture>();
-  message.image.bytes.resize(kMaxCameraPictureBytes / 16, 7);
+  message.image.bytes.resize(kMaxCameraImageBytes / 16, 7);
   auto sent = writer<CameraPicture>(shoulder, wearer_partition("ada"));
   auto seen = reader<CameraPicture>(hand, wearer_partition("ada"));
   auto overheard = reader<CameraPicture>(other, "*");

@@ -24,8 +24,7 @@ TEST(RefusedPeers, AreReadFromWhatTheMiddlewareSays) {
       "its certificate is not accepted: certificate has expired");
   const auto self_signed = refused_peer_in(
       "Could not get remote participant dfb5f137:1626889a:b7f96433:1c1 permissions from plugin: Failed to "
-      "parse "
-      "PKCS7 SMIME document: (code: 127)");
+      "parse PKCS7 SMIME document: (code: 127)");
   ASSERT_TRUE(self_signed);
   EXPECT_EQ(self_signed->who, "somebody");
   EXPECT_THAT(self_signed->why, HasSubstr("permissions are not accepted"));

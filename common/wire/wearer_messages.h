@@ -25,9 +25,9 @@ struct PictureRequest {
   std::string camera;  ///< name of the client whose images it wants; empty: of nobody any more
 };
 
-constexpr uint32_t kMaxCameraPictureSide = 640;  ///< [px]
+constexpr uint32_t kMaxCameraImageSide = 640;  ///< [px]
 /// Of a JPEG: one datagram of the loopback profile.
-constexpr size_t kMaxCameraPictureBytes = 60'000;
+constexpr size_t kMaxCameraImageBytes = 60'000;
 constexpr size_t kMaxCameraPictureNote = 360;  ///< [bytes]
 
 /// Topic CameraPicture: stream. What the tracker of a camera shows of its newest frame.

@@ -20,10 +20,10 @@ using nlohmann::json;
 
 constexpr const char* kRightsFooter =
     "Rights: none, read (finds itself in the map and receives it), add (keyframes and labels), write "
-    "(changes "
-    "labels, too),\nmanage. WHO: a client's name, \"group NAME\" or everyone. A grant for a map is before "
-    "one for "
-    "all maps, and one for\nthe client before one for its groups before one for everyone.\n\n"
+    "(changes labels, too),\n"
+    "manage. WHO: a client's name, \"group NAME\" or everyone. A grant for a map is before one for all maps, "
+    "and one for\n"
+    "the client before one for its groups before one for everyone.\n\n"
     "Examples:\n"
     "  cairnctl rights                                        all rules\n"
     "  cairnctl rights grant phone-1 desk write\n"
@@ -388,10 +388,10 @@ void describe_audit(CLI::App* app, AccessAction* action) {
   CLI::App* audit = app->add_subcommand("audit", "who did what, the newest first");
   audit->footer(
       "Maps made, labels placed, renamed and removed, what operators did and who was turned away are here. "
-      "Who "
-      "contributed which keyframe is kept in each map: `cairnctl map NAME contributors`.\n\n"
-      "Examples:\n  cairnctl audit --who ann\n  cairnctl audit --action rights --from 2027-01-01 --limit "
-      "1000\n"
+      "Who contributed which keyframe is kept in each map: `cairnctl map NAME contributors`.\n\n"
+      "Examples:\n"
+      "  cairnctl audit --who ann\n"
+      "  cairnctl audit --action rights --from 2027-01-01 --limit 1000\n"
       "  cairnctl audit --json --limit 100000 > audit.json");
   audit->add_option("--who", words->who, "a name, or \"operator NAME\", \"client NAME\", server")
       ->check(fault_of_word);

@@ -427,8 +427,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   out->add_option("--out", options->folder, "folder")->capture_default_str();
   out->add_option("--format", options->format,
                   "archive can be imported again; the others, for other programs, go into a folder of the "
-                  "map's name. An "
-                  "earlier export there is replaced, other files are not")
+                  "map's name. An earlier export there is replaced, other files are not")
       ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
       ->capture_default_str();
   out->add_flag("--rgb", options->rgb,

@@ -207,10 +207,9 @@ void print_next_step(const fs::path& folder, bool needs_keys) {
   }
   std::printf(
       "start the server with `cairn-server --store %s --security DIR`: it is a secured site's, and a backup "
-      "has "
-      "no keys. DIR is a copy of the security folder that its server had (`cairn-keys/enclaves/server/NAME` "
-      "where "
-      "the site's keys are), not one of a new `cairnctl keys init` (deploy/SECURED.md, On another machine)\n",
+      "has no keys. DIR is a copy of the security folder that its server had "
+      "(`cairn-keys/enclaves/server/NAME` where the site's keys are), not one of a new `cairnctl keys init` "
+      "(deploy/SECURED.md, On another machine)\n",
       store.c_str());
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/map/limits.h"
 #include "common/wire/participant.h"
 #include "common/wire/security.h"
 
@@ -103,8 +104,7 @@ const ServerOptionRow kRows[] = {
      [](const Options& o) -> std::string { return o.mapping.adjuster == Adjuster::kOwn ? "own" : "ceres"; }},
     {"relocalizer", "improved|paper",
      "how a lost camera is found: paper is the method of 2008, for comparison, which takes the image most "
-     "alike for "
-     "the place, wherever that is [improved]",
+     "alike for the place, wherever that is [improved]",
      "expected improved or paper",
      [](Text text, Options* o) {
        return read_choice(text, "improved", RelocMethod::kImproved, "paper", RelocMethod::kPaper,
@@ -124,8 +124,9 @@ const ServerOptionRow kRows[] = {
      "expected a number of megabytes from 1 on",
      [](Text text, Options* o) { return read_count(text, &o->max_memory_mb, kMostMegabytes); },
      [](const Options& o) { return write_number(o.max_memory_mb); }, /*depends=*/true},
-    {"max-keyframes", "N", "keyframes of a map at most [2000]", kFromOne,
-     [](Text text, Options* o) { return read_count(text, &o->max_keyframes); },
+    {"max-keyframes", "N", "keyframes of a map at most, up to 32768 [2000]",
+     "expected a number from 1 to 32768",
+     [](Text text, Options* o) { return read_count(text, &o->max_keyframes, kMaxKeyframes); },
      [](const Options& o) { return write_number(o.max_keyframes); }},
     {"max-labels", "N", "labels of a map at most, up to 1000 [1000]", "expected a number from 1 to 1000",
      [](Text text, Options* o) { return read_count(text, &o->max_labels, kMaxLabels); },

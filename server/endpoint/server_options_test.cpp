@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "common/io/test_directory.h"
+#include "common/map/limits.h"
 
 namespace cairn {
 namespace {
@@ -83,6 +84,9 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   EXPECT_EQ(limited.rates.keyframes, 0.5);
   EXPECT_EQ(limited.rates.queries, 0);
   EXPECT_EQ(refused({"--max-labels", "1001"}).code, 2);
+  EXPECT_EQ(accepted({"--max-keyframes", std::to_string(kMaxKeyframes)}).max_keyframes, kMaxKeyframes);
+  EXPECT_EQ(refused({"--max-keyframes", std::to_string(kMaxKeyframes + 1)}).code, 2)
+      << "more than a map takes";
   for (const char* rate : {"-1", "nan", "inf", "many", "1/s"})
     EXPECT_EQ(refused({"--keyframe-rate", rate}).code, 2) << rate;
   EXPECT_EQ(options.max_maps, 3U);

@@ -71,8 +71,7 @@ Status serve_until(const sigset_t& signals, const ServiceOptions& options, std::
     if (event == OwnAddress::Event::kGone) {
       log->warn(
           "this machine has {} no more: trackers elsewhere are not heard until that interface has an "
-          "address, "
-          "or the server is started again on another (--listen)",
+          "address, or the server is started again on another (--listen)",
           before);
     } else if (options.store.empty()) {
       log->warn(

@@ -11,9 +11,6 @@
 namespace cairn {
 namespace {
 
-// PTAM r114. No option: an image that was evicted must have its corners again, whoever prepares it.
-constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};
-
 bool by_point(const Measurement& m, PointId id) {
   return m.point < id;
 }
@@ -50,9 +47,9 @@ size_t expected_image_bytes(const Camera& camera) {
 std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image, const StillMaskPtr& still) {
   auto images = std::make_shared<KeyframeImages>();
   images->pyramid.build(image);
+  images->corners = detect_corners(images->pyramid);
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
-    detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
     if (still) still->remove_covered_from(&images->corners[i], l);
     images->corners[i].corners.shrink_to_fit();
   }

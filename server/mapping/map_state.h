@@ -38,7 +38,7 @@ struct KeyframeImages {
 /// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
 [[nodiscard]] size_t expected_image_bytes(const Camera& camera);
 
-/// Pyramid and FAST-10 corners (thresholds 10, 15, 15, 10) of an image, without those of what stands still.
+/// The pyramid of an image and its corners (`kFastThresholds`), without those of what stands still.
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image,
                                                                    const StillMaskPtr& still);
 
@@ -69,7 +69,7 @@ struct MapKeyframe {
   std::optional<UpDirection> up;          ///< in the camera's axes; nothing: not known
   std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
   std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
-  bool adds_only = false;         ///< KeyframeInput::adds_only: no witness against what others have made
+  bool adds_only = false;         ///< KeyframeInput::adds_only: tells nothing against what others have made
   double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below
   double near_depth = 0;          ///< 5th percentile
   double far_depth = 0;           ///< 95th percentile

@@ -9,24 +9,14 @@
 namespace cairn::testing {
 namespace {
 
-constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
 constexpr size_t kPointsPerLevel = 200;
-
-std::array<CornerList, kPyramidLevels> find_corners(const Pyramid& pyramid) {
-  std::array<CornerList, kPyramidLevels> corners;
-  for (int l = 0; l < kPyramidLevels; ++l) {
-    detect_fast10(pyramid.level(l), kFastThresholds[static_cast<size_t>(l)],
-                  &corners[static_cast<size_t>(l)]);
-  }
-  return corners;
-}
 
 }  // namespace
 
 PlaceView describe_image(const GrayView& image) {
   Pyramid pyramid;
   pyramid.build(image);
-  return describe_place(pyramid, find_corners(pyramid));
+  return describe_place(pyramid, detect_corners(pyramid));
 }
 
 SE3 pose_at(int step, double advance) {
@@ -67,7 +57,7 @@ void ExactMap::add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* 
   KeyframeView view{id, mapped.scene->camera(), pyramid, {}};
   if (mapped.shares) share_points(*mapped.scene, camera_from_map, &view);
   const size_t shared = view.measurements.size();
-  const auto corners = find_corners(*pyramid);
+  const auto corners = detect_corners(*pyramid);
   double depth_sum = 0;
   for (int l = 0; l < kPyramidLevels; ++l) {
     auto candidates = find_candidates(pyramid->level(l), corners[static_cast<size_t>(l)], 6, 14, 20);

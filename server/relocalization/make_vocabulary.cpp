@@ -10,6 +10,7 @@
 #include <numbers>
 #include <vector>
 
+#include "common/image/corners.h"
 #include "common/image/place.h"
 #include "server/relocalization/vocabulary.h"
 
@@ -25,7 +26,6 @@ constexpr double kSmallest = 3;   ///< [px] radius; density falls with its third
 constexpr double kLargest = 160;  ///< [px]
 constexpr double kNoise = 2;      ///< [grey levels] standard deviation, of a camera
 constexpr int kRounds = 6;        ///< of clustering
-constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};  ///< PTAM r114
 
 class Random {  // SplitMix64 (Steele et al., OOPSLA 2014)
  public:
@@ -108,12 +108,8 @@ std::vector<Descriptor> describe_images() {
     const GrayImage image = make_image(&random);
     Pyramid pyramid;
     pyramid.build(image);
-    std::array<CornerList, kPyramidLevels> corners;
-    for (int l = 0; l < kPyramidLevels; ++l) {
-      const auto at = static_cast<size_t>(l);
-      detect_fast10(pyramid.level(l), kFastThresholds[at], &corners[at]);
-    }
-    for (const PlaceCorner& c : describe_place(pyramid, corners).corners) descriptors.push_back(c.descriptor);
+    for (const PlaceCorner& c : describe_place(pyramid, detect_corners(pyramid)).corners)
+      descriptors.push_back(c.descriptor);
   }
   return descriptors;
 }

@@ -158,9 +158,9 @@ OptionList list_options(RelocOptions* o) {
   list.add("more_for_rivals", &o->more_for_rivals, kCount, "poses");
   list.add("more_for_pose", &o->more_for_pose, kCount, "poses");
   list.add("sure_similarity", &o->sure_similarity, kCorrelation, "correlation");
-  list.add("tries_of_place", &o->tries_of_place, {1, 1e6}, "keyframes");
+  list.add("hypotheses_of_place", &o->hypotheses_of_place, {1, 1e6}, "keyframes");
   list.add("neighbours_of_lead", &o->neighbours_of_lead, kCount, "keyframes");
-  list.add("tries_of_leads", &o->tries_of_leads, kCount, "keyframes");
+  list.add("hypotheses_of_leads", &o->hypotheses_of_leads, kCount, "keyframes");
   list.add("in_common", &o->in_common, {1, 1e6}, "points");
   list.add("same_pose", &o->same_pose, kNearness, "mean depths plus rad");
   list.add("least_peculiar", &o->least_peculiar, kShare, "of the corners found");

@@ -109,7 +109,7 @@ struct Prefiltered {
 };
 
 /// Which keyframes are looked at closer: not those of a place of which enough have been, or these, too.
-enum class Tries : uint8_t { kOfOpenPlaces, kOfAnyPlace };
+enum class Examine : uint8_t { kOpenPlaces, kAnyPlace };
 
 /// One query on its way through the keyframes.
 class Inquiry {
@@ -117,7 +117,7 @@ class Inquiry {
   Inquiry(const Camera& camera, const PlaceView& view, const RelocOptions& options)
       : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
 
-  /// Tries the most promising keyframes of the index that have not been tried. True: one of them is clear.
+  /// Examines the most promising keyframes of the index that have not been. True: one of them is clear.
   bool search(const PlaceIndex& index, const QueryImage& query) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = asked_.size();
@@ -137,7 +137,7 @@ class Inquiry {
     if (look_closer(most_poses)) return true;
     if (!is_any_confirmed() && follow_leads(query, most_poses)) return true;
     return is_any_believed() && most_similar_believed_ < options_.sure_similarity &&
-           look_closer(poses_ + options_.more_for_pose, Tries::kOfAnyPlace);
+           look_closer(poses_ + options_.more_for_pose, Examine::kAnyPlace);
   }
   /// By what it shows itself, whoever else shows the same.
   [[nodiscard]] bool is_any_confirmed() const {
@@ -168,7 +168,7 @@ class Inquiry {
   /// rivals.
   [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
     return std::ranges::any_of(hypotheses_, [&](const PlaceHypothesis& t) {
-      return t.said.confirmed && t.tries_of_place >= options_.tries_of_place &&
+      return t.said.confirmed && t.hypotheses_of_place >= options_.hypotheses_of_place &&
              is_of_place(keyframe, map, t, options_.in_common);
     });
   }
@@ -210,9 +210,9 @@ class Inquiry {
   }
 
   /// A neighbour of what is half known may see the place better, and stand too low by images and words to be
-  /// tried. Nothing is prefiltered that could not be looked at closer. True: one is clear.
+  /// examined. Nothing is prefiltered that could not be looked at closer. True: one is clear.
   bool follow_leads(const QueryImage& query, size_t most_poses) {
-    const size_t most = asked_.size() + options_.tries_of_leads;
+    const size_t most = asked_.size() + options_.hypotheses_of_leads;
     for (const Ranked& lead : leads()) {
       if (asked_.size() >= most || poses_ >= most_poses) return false;
       prefilter(neighbours_of(lead, query), most);
@@ -226,8 +226,8 @@ class Inquiry {
     for (PlaceHypothesis& before : hypotheses_) {
       if (!is_of_place(before.ranked.indexed(), before.candidate.map, hypothesis, options_.in_common))
         continue;
-      ++before.tries_of_place;
-      ++hypothesis.tries_of_place;
+      ++before.hypotheses_of_place;
+      ++hypothesis.hypotheses_of_place;
     }
     hypotheses_.push_back(std::move(hypothesis));
     most_similar_believed_ = -1;
@@ -259,11 +259,11 @@ class Inquiry {
   }
 
   /// Looks closer at those that wait, until one is clear (true) or so many poses have been looked for in all.
-  bool look_closer(size_t most_poses, Tries tries = Tries::kOfOpenPlaces) {
+  bool look_closer(size_t most_poses, Examine which = Examine::kOpenPlaces) {
     std::vector<Prefiltered> left;
     bool is_found = false;
     for (Prefiltered& g : waiting_) {
-      const bool is_next = !is_found && is_worth_while(g, most_poses, tries);
+      const bool is_next = !is_found && is_worth_while(g, most_poses, which);
       if (!is_next) {
         left.push_back(std::move(g));
         continue;
@@ -277,8 +277,8 @@ class Inquiry {
   }
 
   /// Where a place is believed, more of its rivals are looked at than where none is.
-  [[nodiscard]] bool is_worth_while(const Prefiltered& g, size_t most_poses, Tries tries) const {
-    if (tries == Tries::kOfAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
+  [[nodiscard]] bool is_worth_while(const Prefiltered& g, size_t most_poses, Examine which) const {
+    if (which == Examine::kAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
     const IndexedKeyframe& keyframe = g.ranked.indexed();
     const MapId& map = g.ranked.map->snapshot->map;
     if (is_settled(keyframe, map)) return false;
@@ -350,7 +350,7 @@ RelocalizationAnswer relocalize(const PlaceIndex& index, const Camera& camera, c
   } else if (is_any_confirmed) {
     result.reason = result.candidates.front().reason;
   } else {
-    result.reason = fmt::format("none of the {} keyframes tried, of {}, agrees with the corners seen",
+    result.reason = fmt::format("none of the {} keyframes examined, of {}, agrees with the corners seen",
                                 result.candidates.size(), index.keyframe_count());
   }
   const auto told = static_cast<size_t>(options.shortlist);

@@ -64,13 +64,13 @@ struct RelocOptions {
   uint64_t more_for_rivals = 3;
   uint64_t more_for_pose = 2;
   double sure_similarity = 0.65;
-  /// So many keyframes of a place that has been confirmed are tried, those included that the prefilter ruled
-  /// out; then others are, which may look as much like it.
-  int tries_of_place = 3;
+  /// So many keyframes of a place that has been confirmed are examined, those included that the prefilter
+  /// ruled out; then others are, which may look as much like it.
+  int hypotheses_of_place = 3;
   /// Where nothing is confirmed, so many neighbours of each keyframe that is half known are prefiltered, and
   /// so many in all.
   uint64_t neighbours_of_lead = 4;
-  uint64_t tries_of_leads = 4;
+  uint64_t hypotheses_of_leads = 4;
   /// Images that a query looks at: its words vote for keyframes of the maps of these.
   uint64_t images_near = kImagesNear;
   VoteOptions votes;

@@ -17,8 +17,8 @@ struct PlaceHypothesis {
   Ranked ranked;
   PlaceCandidate candidate;
   Confirmation said;
-  double mean_depth = 0;   ///< of the keyframe
-  int tries_of_place = 1;  ///< hypotheses that are of its place
+  double mean_depth = 0;        ///< of the keyframe
+  int hypotheses_of_place = 1;  ///< of its place, itself included
 };
 
 /// Points that both keyframes of one map measured, counted up to `enough`.

@@ -27,8 +27,7 @@ std::string AdminGate::why_not(const std::string& operator_name, const Known& as
   if (in_work_of(operator_name) >= kMostInWorkOfOne) {
     return std::to_string(kMostInWorkOfOne) + " requests of operator " + operator_name +
            " are under way, and the server takes no more of one operator at a time; ask again when one of "
-           "them "
-           "has been answered";
+           "them has been answered";
   }
   if (in_work() < kMostInWork) return {};
   return std::to_string(kMostInWork) +

@@ -50,7 +50,7 @@ class CameraList {
   static constexpr size_t kMaxProcesses = 8;
   static constexpr size_t kMaxCameras = 8;
   static constexpr size_t kVersionsKept = 2;
-  // A map that finds a camera out changes its values with each revision.
+  // A map that self-calibrates a camera changes its values with each revision.
   static constexpr int kPerSecond = 30;  ///< in the long run
   static constexpr int kAtOnce = 300;
   static constexpr int kNewPerSecond = 2;  ///< processes: each may announce kAtOnce
@@ -93,7 +93,7 @@ struct Client {
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;
-  /// What it was told of its cameras: the latest epoch and version of each, by the map that finds it out.
+  /// What it was told of its cameras: the latest epoch and version of each, by the map that calibrates it.
   std::map<std::pair<MapId, uint32_t>, std::pair<Epoch, uint32_t>> cameras_told;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 

@@ -52,15 +52,9 @@ inline wire::ImageMessage raw(const GrayImage& image) {
 
 /// Where a view of the scene was taken, by what a tracker would send of it.
 inline RelocalizationQuery query(const CameraPtr& camera, const GrayImage& image) {
-  constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
   Pyramid pyramid;
   pyramid.build(image.view());
-  std::array<CornerList, kPyramidLevels> corners;
-  for (int l = 0; l < kPyramidLevels; ++l) {
-    const auto i = static_cast<size_t>(l);
-    detect_fast10(pyramid.level(l), kFastThresholds[i], &corners[i]);
-  }
-  return {camera, describe_place(pyramid, corners), {}, true};
+  return {camera, describe_place(pyramid, detect_corners(pyramid)), {}, true};
 }
 
 /// What is begun on an executor stays there until this goes, or release().

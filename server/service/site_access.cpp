@@ -158,11 +158,9 @@ Status SiteAccess::know_authority(const std::string& fingerprint) {
                            short_of(**before) + ")";
   log_->warn(
       "the store belongs to another site: it is started with {}. Its rights hold for whoever has the same "
-      "names "
-      "here. `cairnctl rights` shows them, and `cairnctl rights revoke` takes grants back. If this is the "
-      "same "
-      "site on another machine, start the server with the security folder that it had, and use the keys that "
-      "there are, instead of `cairnctl keys init` (deploy/SECURED.md, On another machine)",
+      "names here. `cairnctl rights` shows them, and `cairnctl rights revoke` takes grants back. If this is "
+      "the same site on another machine, start the server with the security folder that it had, and use the "
+      "keys that there are, instead of `cairnctl keys init` (deploy/SECURED.md, On another machine)",
       what);
   return file_->keep_authority(fingerprint, AuditEntry{0, policy_->now(), "server", "other keys", {}, what});
 }

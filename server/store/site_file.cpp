@@ -156,10 +156,8 @@ Status SiteFile::insert(std::span<const AuditEntry> entries) {
 Result<std::vector<AuditEntry>> SiteFile::find(const AuditQuery& query) {
   auto rows = database_.prepare(
       "SELECT number, time, who, action, object, outcome FROM audit WHERE number < ?1 AND time >= ?2 AND "
-      "time < ?3 "
-      "AND (who = ?4 OR who LIKE ?5 ESCAPE '\\') AND action LIKE ?6 ESCAPE '\\' AND object LIKE ?7 ESCAPE "
-      "'\\' "
-      "ORDER BY number DESC LIMIT ?8");
+      "time < ?3 AND (who = ?4 OR who LIKE ?5 ESCAPE '\\') AND action LIKE ?6 ESCAPE '\\' AND object LIKE ?7 "
+      "ESCAPE '\\' ORDER BY number DESC LIMIT ?8");
   if (!rows) return tl::unexpected(rows.error());
   constexpr int64_t kEnd = std::numeric_limits<int64_t>::max();
   const std::string last_word = query.who.empty() ? "%" : fmt::format("% {}", escaped(query.who));

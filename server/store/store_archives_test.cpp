@@ -28,8 +28,7 @@ TEST_F(StoreArchivesTest, AnArchiveWithAViewInPlaceOfATableIsRefused) {
   ASSERT_TRUE(store->purge(header_.id));
   const char* tamperings[] = {
       "ALTER TABLE keyframes RENAME TO k; CREATE VIEW keyframes AS WITH RECURSIVE r(id) AS (SELECT 1 UNION "
-      "ALL "
-      "SELECT id + 1 FROM r) SELECT id, x'00' AS data, 0 AS checksum FROM r",
+      "ALL SELECT id + 1 FROM r) SELECT id, x'00' AS data, 0 AS checksum FROM r",
       "CREATE TRIGGER t AFTER INSERT ON epochs BEGIN DELETE FROM keyframes; END",
       "DROP TABLE labels",
   };

@@ -29,8 +29,7 @@ constexpr const char* kMapRemedy =
     "`cairnctl map NAME delete`, `cairnctl maps purge`, `cairnctl maps import`, or `cairnctl restore`";
 constexpr const char* kProposalRemedy =
     "the map is whole without these proposals: `cairnctl proposals drop` those that are listed still, the "
-    "next "
-    "start removes the others; a backup may have them";
+    "next start removes the others; a backup may have them";
 constexpr const char* kDeletedRemedy = "`cairnctl maps purge ID` removes it; a backup may have it whole";
 constexpr const char* kCatalogueRemedy =
     "a start begins it anew, and clients lose what was not decided yet; no map is lost";

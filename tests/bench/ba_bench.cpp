@@ -178,8 +178,8 @@ nlohmann::json compare(const std::string& name, const BundleProblem& start,
       std::sqrt(end.squared_cutoff), end.initial_cost, converged, end.final_cost, judge.final_cost);
   std::printf(
       "| solver | to 1 %%: iterations | ms | as the product asks: iterations | ms | above converged | "
-      "longest "
-      "between polls, ms |\n|---|---|---|---|---|---|---|\n");
+      "longest between polls, ms |\n"
+      "|---|---|---|---|---|---|---|\n");
   nlohmann::json solvers = nlohmann::json::array();
   for (const Variant& variant : variants) {
     const int iterations = iterations_to(kGoal * converged, variant, start);

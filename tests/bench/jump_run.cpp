@@ -203,10 +203,8 @@ Status report(const std::vector<Jump>& jumps, const JumpObserver& observer, bool
   }
   std::printf(
       "jumps %zu recovered %zu; frames to the first right and later verified pose p50 %.0f p95 %.0f max "
-      "%.0f, "
-      "to "
-      "the first published p50 %.0f p95 %.0f max %.0f; frames in a wrong map %zu, with a wrong pose %zu, "
-      "without a pose %zu of %zu\n",
+      "%.0f, to the first published p50 %.0f p95 %.0f max %.0f; frames in a wrong map %zu, with a wrong pose "
+      "%zu, without a pose %zu of %zu\n",
       jumps.size(), right.size(), percentile(right, 0.5), percentile(right, 0.95), percentile(right, 1),
       percentile(published, 0.5), percentile(published, 0.95), percentile(published, 1), sum.wrong_map,
       sum.wrong_pose, sum.without, jumps.size() * kPieceFrames);

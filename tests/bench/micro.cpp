@@ -87,7 +87,7 @@ void BM_Fast10OnFourLevels(benchmark::State& state) {
   for (auto _ : state) {
     for (int level = 0; level < kPyramidLevels; ++level) {
       const auto l = static_cast<size_t>(level);
-      detect_fast10(prepared().pyramid.level(level), FrameImages::kFastThresholds[l], &corners[l]);
+      detect_fast10(prepared().pyramid.level(level), kFastThresholds[l], &corners[l]);
     }
   }
 }
@@ -101,8 +101,7 @@ void BM_FastOfOpenCvOnFourLevels(benchmark::State& state) {
   std::vector<cv::KeyPoint> corners;
   for (auto _ : state) {
     for (size_t l = 0; l < levels.size(); ++l)
-      cv::FAST(levels[l], corners, FrameImages::kFastThresholds[l], false,
-               cv::FastFeatureDetector::TYPE_9_16);
+      cv::FAST(levels[l], corners, kFastThresholds[l], false, cv::FastFeatureDetector::TYPE_9_16);
   }
 }
 BENCHMARK(BM_FastOfOpenCvOnFourLevels);

@@ -434,9 +434,8 @@ int run(int argc, char** argv) {
   Arguments arguments;
   arguments.places.list = list_of_program();
   CLI::App app(
-      "Recordings as separate maps, and images of them that were not mapped: which map, and from where? "
-      "Also in "
-      "other light, without the place's own map, and by the paper's method and by words.",
+      "Recordings as separate maps, and images of them that were not mapped: which map, and from where? Also "
+      "in other light, without the place's own map, and by the paper's method and by words.",
       name);
   add_options(app, &arguments);
   try {

@@ -240,6 +240,8 @@ int run(int argc, char** argv) {
   CLI::App app("Simulated worlds with exact truth.", "cairn-sim");
   app.require_subcommand(1);
   app.footer(
+      "Exit codes: 0 ok; 1 failed, or --check and the maps are worse than asked for; 2 usage, 3 configuration "
+      "or a file, 6 damaged data, 130 interrupted\n\n"
       "Examples:\n"
       "  cairn-sim list\n"
       "  cairn-sim render desk --out /tmp/desk\n"

@@ -258,7 +258,7 @@ Result<std::unique_ptr<Board>> make_board(const BoardDescription& description) {
 
 Result<GrayImage> draw_board(const BoardDescription& description, int square_px) {
   if (description.kind == BoardDescription::Kind::kTags) {
-    return fail(ErrorCode::kUsage, "tags are not drawn: print the picture that their file describes");
+    return fail(ErrorCode::kUsage, "tags are not drawn: print the image that their file describes");
   }
   if (auto status = check_squares(description); !status) return tl::unexpected(status.error());
   const cv::Size inside(description.columns * square_px, description.rows * square_px);

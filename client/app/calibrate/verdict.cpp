@@ -66,8 +66,7 @@ std::vector<std::string> advice_for(const Verdict& verdict, double rms, const Ce
   if (rms > kGoodLimits.rms) {
     advice.emplace_back(
         "the points do not fit well: is the board flat and stiff, are --squares and --board what was "
-        "printed, was it "
-        "held still? A wide lens may need --model kb4");
+        "printed, was it held still? A wide lens may need --model kb4");
   }
   if (verdict.coverage < kGoodLimits.coverage) {
     const auto places = missing_places(cells);

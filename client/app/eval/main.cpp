@@ -88,7 +88,7 @@ void add_trajectory_options(CLI::App& command, TrajectoryArguments& arguments) {
       ->type_name("SECONDS")
       ->capture_default_str();
   command.add_flag("--json", arguments.json, "one JSON document on stdout");
-  command.add_option("--plot", arguments.plot, "picture of both paths and of the error over time")
+  command.add_option("--plot", arguments.plot, "image of both paths and of the error over time")
       ->type_name("FILE.png");
   command.footer(kTrajectoryFooter);
 }

@@ -243,7 +243,7 @@ Status write_plot(const std::filesystem::path& path, const PlotContent& content)
   try {
     cv::imencode(path.extension().string(), canvas.finished(), bytes);
   } catch (const cv::Exception&) {
-    return fail(ErrorCode::kUsage, path.string() + ": not a name for a picture; end it in .png");
+    return fail(ErrorCode::kUsage, path.string() + ": not a name for an image; end it in .png");
   }
   return write_stream(path, {bytes.begin(), bytes.end()});
 }

@@ -28,13 +28,13 @@ cv::Mat scaled(const cv::Mat& pixels, double scale) {
 }  // namespace
 
 wire::ImageMessage encode_camera_image(const cv::Mat& pixels) {
-  const double fit = static_cast<double>(wire::kMaxCameraPictureSide) / std::max(pixels.cols, pixels.rows);
+  const double fit = static_cast<double>(wire::kMaxCameraImageSide) / std::max(pixels.cols, pixels.rows);
   cv::Mat small = fit < 1 ? scaled(pixels, fit) : pixels;
   wire::ImageMessage message;
   message.encoding = wire::ImageEncoding::kJpeg;
   for (int quality = kQuality;;) {
     cv::imencode(".jpg", small, message.bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
-    if (message.bytes.size() <= wire::kMaxCameraPictureBytes) break;
+    if (message.bytes.size() <= wire::kMaxCameraImageBytes) break;
     if (quality > kLeastQuality) {
       quality -= kQualityStep;
     } else {

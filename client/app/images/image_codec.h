@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// Of BGR pixels, made small enough for a CameraPicture: no side longer than kMaxCameraPictureSide, no more
-/// bytes than kMaxCameraPictureBytes, whatever they show.
+/// Of BGR pixels, made small enough for a CameraPicture: no side longer than kMaxCameraImageSide, no more
+/// bytes than kMaxCameraImageBytes, whatever they show.
 [[nodiscard]] wire::ImageMessage encode_camera_image(const cv::Mat& pixels);
 /// Error kDamaged: no JPEG, or of another size than is said.
 [[nodiscard]] Result<cv::Mat> decode_camera_image(const wire::ImageMessage& image);

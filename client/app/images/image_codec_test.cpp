@@ -32,8 +32,8 @@ TEST(ImageCodec, WhateverItShowsAnImageIsWithinItsBounds) {
   for (const cv::Size size :
        {cv::Size(640, 480), cv::Size(1920, 1080), cv::Size(480, 2000), cv::Size(1, 4096)}) {
     const auto message = encode_camera_image(noise(size.width, size.height));
-    EXPECT_LE(message.bytes.size(), wire::kMaxCameraPictureBytes) << size;
-    EXPECT_LE(std::max(message.width, message.height), wire::kMaxCameraPictureSide) << size;
+    EXPECT_LE(message.bytes.size(), wire::kMaxCameraImageBytes) << size;
+    EXPECT_LE(std::max(message.width, message.height), wire::kMaxCameraImageSide) << size;
     const auto decoded = decode_camera_image(message);
     ASSERT_TRUE(decoded.has_value()) << decoded.error().message;
     EXPECT_EQ(decoded->cols, static_cast<int>(message.width));

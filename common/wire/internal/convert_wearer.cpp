@@ -114,10 +114,9 @@ Result<CameraPicture> decode<CameraPicture>(const cairn_CameraPicture& sample) {
   check.text(sample.note, kMaxCameraPictureNote);
   check.image(sample.picture);
   check.require(sample.picture.encoding == static_cast<uint8_t>(ImageEncoding::kJpeg), "image is no JPEG");
-  check.require(
-      sample.picture.width <= kMaxCameraPictureSide && sample.picture.height <= kMaxCameraPictureSide,
-      "image too large");
-  check.require(sample.picture.bytes._length <= kMaxCameraPictureBytes, "image of too many bytes");
+  check.require(sample.picture.width <= kMaxCameraImageSide && sample.picture.height <= kMaxCameraImageSide,
+                "image too large");
+  check.require(sample.picture.bytes._length <= kMaxCameraImageBytes, "image of too many bytes");
   if (!check.passed()) return unfit(check.what());
   CameraPicture message = decode_key<CameraPicture>(sample);
   message.time = {sample.time};

@@ -29,15 +29,9 @@ wire::ImageMessage raw(const GrayImage& image) {
 }
 
 PlaceView described(const GrayImage& image) {
-  constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
   Pyramid pyramid;
   pyramid.build(image.view());
-  std::array<CornerList, kPyramidLevels> corners;
-  for (int l = 0; l < kPyramidLevels; ++l) {
-    const auto i = static_cast<size_t>(l);
-    detect_fast10(pyramid.level(l), kFastThresholds[i], &corners[i]);
-  }
-  return describe_place(pyramid, corners);
+  return describe_place(pyramid, detect_corners(pyramid));
 }
 
 }  // namespace
