@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <new>
 
 namespace cairn {
 namespace {
@@ -73,6 +74,32 @@ TEST(DecodeAhead, GivesFramesAndErrorsInOrderThenTheEndForEver) {
     }
   }
   for (int i = 0; i < 3; ++i) EXPECT_FALSE(ahead.next()->has_value());
+}
+
+/// No memory for its second image, say.
+struct ThrowsOnce final : FrameSource {
+  Result<std::optional<Frame>> next() override {
+    const uint64_t index = taken++;
+    if (index == 1) throw std::bad_alloc();
+    if (index == 3) return std::nullopt;
+    return Frame{index, Timestamp{static_cast<int64_t>(index)}, std::make_shared<const GrayImage>(8, 8)};
+  }
+  std::optional<size_t> frame_count() const override { return 3; }
+  std::optional<CameraParameters> builtin_calibration() const override { return std::nullopt; }
+  std::string describe() const override { return "video.mp4"; }
+  bool is_live() const override { return false; }
+  uint64_t taken = 0;
+};
+
+TEST(DecodeAhead, WhatTheSourceThrowsIsAFrameThatCannotBeRead) {
+  DecodeAhead ahead(std::make_unique<ThrowsOnce>());
+  EXPECT_EQ(ahead.next().value()->index, 0U);
+  const auto thrown = ahead.next();
+  ASSERT_FALSE(thrown);
+  EXPECT_EQ(thrown.error().code, ErrorCode::kDamaged);
+  EXPECT_TRUE(thrown.error().message.starts_with("video.mp4: ")) << thrown.error().message;
+  EXPECT_EQ(ahead.next().value()->index, 2U) << "the next is read";
+  EXPECT_FALSE(ahead.next().value());
 }
 
 TEST(DecodeAhead, KeepsAtMostTheQueueAhead) {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """The texts of the project lead somewhere: every test that a README names is there, and so is what its links point to.
-Names in sources are the glossary's (common/README.md): those that it replaced do not come back.
+Names in sources are the glossary's (common/README.md): those that it replaced do not come back. Nobody drops a Result unseen.
 
 Usage: texts_test.py
 """
@@ -26,6 +26,8 @@ OLD_WORDS = re.compile(
     r"|PointElimination|few_views|linearise|minimise|summarise|normalise|factorise|FirstBend|CameraPicture[SB])\w*")
 # The same in what somebody reads: messages, help, Markdown. A row of a table names what keeps an older word.
 OLD_PHRASES = re.compile(r"\b(?:found out|finds? cameras out|refuted|witness\w*|alikeness|place desk|window sums|(?<![-_])pictures? (?!of))\b", re.IGNORECASE)
+# A function of a header that can fail.
+FALLIBLE = re.compile(r"^[ \t]*(?:\[\[nodiscard\]\]\s+)?(?:(?:static|virtual|inline|friend|constexpr)\s+)*(?:Status|Result<[^;{}()]*?>)\s+\w+\(", re.MULTILINE)
 LITERAL = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 
 
@@ -96,6 +98,15 @@ class Texts(unittest.TestCase):
             read = [line for line in text.splitlines() if not line.startswith("|")] if source.suffix == ".md" else LITERAL.findall(text)
             found += [f"{source.relative_to(ROOT)}: {line.strip()}" for line in read if OLD_PHRASES.search(line)]
         self.assertEqual(found, [], "common/README.md has the words for these")
+
+    def test_no_result_may_be_dropped_unseen(self):
+        count = 0
+        for header in files(".h"):
+            text = header.read_text(errors="replace")
+            for function in FALLIBLE.finditer(text):
+                count += 1
+                self.assertIn("[[nodiscard]]", function.group(), f"{header.relative_to(ROOT)}: {function.group().strip()}")
+        self.assertGreater(count, 300, "of them hardly any was found")
 
 
 if __name__ == "__main__":
