@@ -133,7 +133,7 @@ bool StreamWriter::write_directly(const std::string& row) {
   return true;
 }
 
-/// As write(2), but EAGAIN where it would wait.
+/// Writes as write(2) does, but fails with EAGAIN where that would wait.
 ssize_t StreamWriter::write_some(const char* bytes, size_t count) const {
   if (kind_ == Kind::kSocket) return send(descriptor_, bytes, count, MSG_DONTWAIT | MSG_NOSIGNAL);
   if (kind_ == Kind::kBlocking) {

@@ -164,7 +164,8 @@ Residuals total_derivative(const Follower& follower, const Residuals& residuals,
   return derivative;
 }
 
-/// By log f and k1.
+/// The derivatives of the residuals by log f and by k1, with poses and points re-adjusted
+/// (total_derivative()).
 std::array<Residuals, kIntrinsics> intrinsic_derivatives(const Follower& follower, const Residuals& residuals,
                                                          size_t camera, const Camera& now) {
   constexpr double kStep = 0.01;
@@ -178,7 +179,8 @@ std::array<Residuals, kIntrinsics> intrinsic_derivatives(const Follower& followe
   return derivatives;
 }
 
-/// What is taken for given and is not quite so: index in the camera's values, and sigma.
+/// A value of the camera that is taken for given and is not quite so: its index in the camera's values, and
+/// its sigma.
 struct TakenForGiven {
   size_t value;
   double sigma;
@@ -189,7 +191,7 @@ std::array<TakenForGiven, 3> taken_for_given(const Camera& camera) {
   return {{{2, off_centre}, {3, off_centre}, {5, kUsualK2}}};
 }
 
-/// By each of them, in units of its sigma.
+/// The derivatives of the residuals by each value of taken_for_given(), in units of its sigma.
 std::vector<Residuals> given_derivatives(const Follower& follower, const Residuals& residuals, size_t camera,
                                          const Camera& now) {
   std::vector<Residuals> derivatives;

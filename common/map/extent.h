@@ -34,7 +34,7 @@ using Extent = std::variant<Box, Sphere>;
 /// round or that has no inside, a radius that is not positive.
 [[nodiscard]] Status check(const Extent& extent);
 
-/// For a person: "box -1.00 0.00 -1.00 to 2.00 1.50 1.00" or "2.00 around 0.00 1.00 0.00".
+/// An extent in words for a person: "box -1.00 0.00 -1.00 to 2.00 1.50 1.00" or "2.00 around 0.00 1.00 0.00".
 [[nodiscard]] std::string describe(const Extent& extent);
 
 /// Why something ("its camera") may not be there, for a person.

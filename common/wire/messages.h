@@ -343,9 +343,9 @@ struct AdminReply {
   std::vector<uint8_t> data;
 };
 
-/// Of a piece of an archive in either.
+/// [bytes] Longest piece of an archive in a request or a reply of an operator.
 constexpr size_t kMaxAdminData = 60'000;
-/// Of the JSON in either: a long list comes in several replies.
+/// [bytes] Longest JSON in either of them: a long list comes in several replies.
 constexpr size_t kMaxAdminText = 60'000;
 
 }  // namespace cairn::wire

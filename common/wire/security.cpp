@@ -68,7 +68,7 @@ Status check_revocations(const fs::path& file, const X509& authority, const X509
                          " were revoked; `cairnctl keys issue` makes some of another name");
 }
 
-/// What is in a file of one line.
+/// Reads the site's tag, 32 hex digits, from the first line of a file.
 Result<std::string> read_tag(const fs::path& file) {
   const auto text = text_in(file);
   if (!text) return tl::unexpected(text.error());

@@ -87,7 +87,8 @@ class Collector {
   CalibrateReport report_;
 };
 
-/// With a live camera the person is told as soon as it is good enough.
+/// Tells the person at a live camera as soon as the calibration is good enough, and what would make it better
+/// before. It solves again only when so many more views have come.
 bool good_enough(Collector& collector, size_t* next_try, const Logger& log) {
   if (collector.views() < *next_try) return false;
   *next_try = collector.views() + kTrySolveEvery;

@@ -73,7 +73,7 @@ std::string index_of(Role role, uint16_t place) {
   return "none";
 }
 
-/// Where those are that it speaks to first.
+/// The ports of the participants that this one speaks to first.
 std::vector<uint16_t> peer_ports(const ParticipantOptions& options) {
   std::vector<uint16_t> ports;
   switch (options.role) {

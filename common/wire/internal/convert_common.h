@@ -101,7 +101,7 @@ class Check {
   const char* what_ = nullptr;
 };
 
-/// Of a client, rig, operator or wearer.
+/// Checks the name of a client, rig, operator or wearer; the fault is named `what`.
 void require_name(const char* text, bool may_be_empty, const char* what, Check* check);
 
 /// `message` if the check passed, else the error.
@@ -135,7 +135,7 @@ template <size_t N>
   return {{number.session}, number.seq};
 }
 
-/// What is decided of a client's commands (OfferVerdict, ClientReply), but for the decisions.
+/// Encodes what is decided of a client's commands (OfferVerdict, ClientReply), all but the decisions.
 template <typename Sample, typename Message>
 [[nodiscard]] Sample encode_decided(const Message& message) {
   Sample sample{};
@@ -146,7 +146,8 @@ template <typename Sample, typename Message>
   sample.credit = message.credit;
   return sample;
 }
-/// Likewise, with as many decisions as the limits allow.
+/// Decodes the same, and refuses a sample with more decisions than the limits allow. The decisions themselves
+/// are left to the caller.
 template <typename Message, typename Sample>
 [[nodiscard]] Result<Message> decode_decided(const Sample& sample, Check* check) {
   check->schema(sample.schema_version);
