@@ -19,7 +19,7 @@
 
 namespace cairn {
 
-/// The direction in which a person wants the rig to turn its camera while that is tracked.
+/// What a person wants the rig to do while its camera is tracked.
 enum class RigAim : uint8_t { kNeutral, kFollow, kLock, kFixate, kSearch };
 [[nodiscard]] std::string_view to_string(RigAim aim);
 

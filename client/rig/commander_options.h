@@ -11,7 +11,8 @@ namespace cairn {
 struct CommanderOptions {
   /// How long the camera is lost before the rig searches: a blurred image or a hand is soon over.
   std::chrono::milliseconds search_after{300};
-  /// How long the camera stays on a place that is to be verified, from when its image can be taken.
+  /// How long the camera looks at a place that may be it, from the first frame after the place was told, or
+  /// from the latest one in which a pose was being verified.
   std::chrono::milliseconds candidate_time{400};
   std::chrono::milliseconds kept{3000};  ///< for which directions are remembered
   std::chrono::milliseconds near{50};    ///< between stamps of a frame and of a direction

@@ -47,7 +47,8 @@ class CameraNegotiation {
   /// The values in use where they are to be announced (again); written() must follow.
   [[nodiscard]] std::optional<wire::CameraMessage> next_announcement();
   void written(bool is_written);
-  /// Announces the values again, since the other side has forgotten them.
+  /// Announces the values again, when the other side has forgotten them. try_again() does so for values that
+  /// could not be written.
   void announce_again();
   void try_again();
   /// Whether the values in use have been announced: before that no command may name them.

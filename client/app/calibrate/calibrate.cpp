@@ -87,8 +87,8 @@ class Collector {
   CalibrateReport report_;
 };
 
-/// Tells the person at a live camera as soon as the calibration is good enough, and what would make it better
-/// before. It solves again only when so many more views have come.
+/// Solves whenever kTrySolveEvery more views have come, and tells the person at a live camera what would make
+/// the calibration better. Whether it is good enough.
 bool good_enough(Collector& collector, size_t* next_try, const Logger& log) {
   if (collector.views() < *next_try) return false;
   *next_try = collector.views() + kTrySolveEvery;
