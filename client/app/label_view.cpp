@@ -40,8 +40,8 @@ bool may_be_of_one_surface(const PointInView& a, const PointInView& b) {
   return distances[0] < kOneSurface * distances[1] && distances[1] < kOneSurface * distances[0];
 }
 
-/// Without those that no two others are at about the distance of: a map has some wrong points, which would
-/// draw a label far behind what is pointed at. Few points are left as they are.
+/// The points without strays, to which no two others are at about the same distance: a map has some wrong
+/// points, which would draw a label far behind what is pointed at. Few points are left as they are.
 std::vector<PointInView> without_strays(std::vector<PointInView> near) {
   if (near.size() < kLeastNeighbours) return near;
   const std::vector<PointInView> all = near;

@@ -193,7 +193,7 @@ void Narrator::on_camera(const CameraUpdate& update) {
   }
 }
 
-/// Once: a server that is gone would settle none of the frames to come.
+/// Warns once: a server that is gone would settle none of the frames to come.
 void Narrator::on_unsettled(size_t frame_number) {
   if (std::exchange(unsettled_, true)) return;
   log_->warn(

@@ -32,8 +32,8 @@ class CameraNegotiation {
   [[nodiscard]] bool has_values_of(const MapSnapshot& map) const;
   /// Whether the latest values that this map has told of our camera are none that a camera can have.
   [[nodiscard]] bool is_unsound(MapId map) const { return unsound_.contains(map); }
-  /// False: a map made from our seed takes what is merely believed of our camera for exact. Servers from
-  /// before self-calibration do.
+  /// Whether a map made from our seed calibrates our camera itself. False: it takes what is merely believed
+  /// of our camera for exact, as servers from before self-calibration do.
   [[nodiscard]] bool is_self_calibrated_by(const MapSnapshot& own) const;
 
   /// The values that go with this revision, in use from now on; nothing where they are those in use.

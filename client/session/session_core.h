@@ -113,7 +113,7 @@ class SessionCore {
   [[nodiscard]] KeyframeUse keyframe_use(MapId map) const;
   /// Whether the server in sight knows the map in use (or there is none).
   [[nodiscard]] bool is_map_known() const;
-  /// Nothing is undecided or unanswered, and the revision that the last decision named is swapped in.
+  /// Whether nothing is undecided or unanswered, and the revision that the last decision named is swapped in.
   [[nodiscard]] bool is_settled() const;
 
  private:

@@ -89,7 +89,7 @@ class PointSearch {
   };
 
   void collect_candidates(const SE3& camera_from_map);
-  /// False when it is out of view, or at a scale that its patch does not allow.
+  /// Projects a point. False when it is out of view, or at a scale that its patch does not allow.
   [[nodiscard]] bool project(PointSlot slot, const SE3& camera_from_map, const Eigen::Matrix3d& rotation,
                              VisiblePoint* out) const;
   [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point, const Smear& smear);

@@ -181,7 +181,7 @@ class ProvisionalPoints {
   [[nodiscard]] SE3 follow_coarse(const FrameImages& now, const SE3& predicted);
   void observe();
   void measure(const KnownPose& pose);
-  /// False when it does not agree with the pose.
+  /// Measures a point's inverse depth by a pose. False when the point does not agree with the pose.
   [[nodiscard]] bool measure(const KnownPose& pose, const SE3& camera_from_anchor, bool is_news,
                              Point* point);
   void fill_cells(std::span<const VisiblePoint> map_points);

@@ -37,7 +37,7 @@ std::string replace_all(std::string text, std::string_view what, std::string_vie
   return text;
 }
 
-/// Within single quotes of a shell.
+/// The text as it stands within single quotes of a shell.
 std::string shell_quoted(const std::string& text) {
   return replace_all(text, "'", "'\\''");
 }

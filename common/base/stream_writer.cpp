@@ -40,7 +40,7 @@ bool is_open_already(const std::filesystem::path& path) {
 
 constexpr int kWithoutWaiting = O_WRONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY;
 
-/// Without waiting for a reader. -1 and errno where it cannot be opened.
+/// Opens a file or stream to write, without waiting for a reader. -1 and errno where it cannot be opened.
 int open_to_write(const std::filesystem::path& path) {
   const int how = is_open_already(path) ? O_APPEND : O_CREAT | O_TRUNC;
   return ::open(path.c_str(), kWithoutWaiting | how, kMode);

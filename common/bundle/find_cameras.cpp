@@ -132,7 +132,8 @@ class Follower {
     options_.min_squared_cutoff = 1e8;
   }
 
-  /// Empty when that could not be solved.
+  /// The residuals when `camera` is `other` and poses and points are adjusted to it. Empty when that could
+  /// not be solved.
   [[nodiscard]] Residuals residuals_with(size_t camera, const CameraPtr& other) const {
     BundleProblem moved = adjusted_;
     set_camera(&moved, camera, other);
@@ -277,7 +278,8 @@ std::optional<Eigen::Matrix2d> honest_covariance(const BundleProblem& problem, s
   return covariance;
 }
 
-/// Nothing when it could not be judged: a problem that could not be solved, or no more time.
+/// The covariance of a free camera, judged. Nothing when it could not be judged: a problem that could not be
+/// solved, or no more time.
 std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera, double squared_cutoff,
                                      const BundleOptions& options) {
   const FreeCamera& judged = problem.free_cameras[camera];

@@ -77,7 +77,7 @@ double robust_cost(const std::vector<double>& squared, double squared_cutoff) {
   return sum;
 }
 
-/// That of the view which fits worst: one for all views would let the others leave it out.
+/// The squared cut-off of the view which fits worst: one for all views would let the others leave it out.
 double cutoff_of(std::vector<double> squared, size_t points) {
   double cutoff = std::pow(kTukeyCutoffPerSigma * kLeastNoise, 2);
   for (size_t at = 0; at < squared.size(); at += points) {

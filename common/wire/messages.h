@@ -128,7 +128,7 @@ struct ClientRequest {
   LabelId label;                      ///< to be renamed or removed
   LabelKind kind = LabelKind::kText;  ///< of one to be added
   std::string text;                   ///< at most kMaxLabelBytes
-  /// Where to add it: relative to a keyframe, so it survives adjustments on the way.
+  /// The place where the label is added, relative to a keyframe, so that it survives adjustments on the way.
   Epoch epoch;
   KeyframeId reference;
   SE3 reference_from_label;  ///< the keyframe's camera from the label

@@ -122,7 +122,7 @@ Result<NetworkPath> ask_route(const std::string& address) {
   return find_interface(text_of(local));
 }
 
-/// Errors: what is no name (kUsage), or one without IPv4 address (kNoServer).
+/// The IPv4 address of a host. Errors: what is no name (kUsage), or one without IPv4 address (kNoServer).
 Result<std::string> resolve(const std::string& host) {
   if (host == "localhost") return std::string("127.0.0.1");  // also where /etc/hosts is missing (RFC 6761)
   const auto refuse = [&](ErrorCode code, const std::string& why) {

@@ -21,7 +21,8 @@ tl::unexpected<Error> wrong(const fs::path& file, const std::string& what) {
   return fail(ErrorCode::kConfiguration, file.string() + ": " + what);
 }
 
-/// Errors of a file that is missing or not readable are those of a folder that is no security folder.
+/// Reads a file of a security folder. Where that fails, the error kConfiguration also says what --security
+/// takes.
 Result<std::string> text_in(const fs::path& file) {
   auto text = read_file(file, kMostBytes);
   if (text) return text;

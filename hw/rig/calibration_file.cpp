@@ -34,7 +34,7 @@ struct Entry {
   std::string value;
 };
 
-/// Without a sign at 0.
+/// A number with so many decimals, without a sign at 0.
 std::string number(double value, int digits) {
   std::string text = fmt::format("{:.{}f}", value, digits);
   if (text.find_first_not_of("-0.") == std::string::npos && text.starts_with('-')) text.erase(0, 1);

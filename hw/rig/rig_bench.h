@@ -104,7 +104,7 @@ class RigBench {
     return std::holds_alternative<State>(rig_.axis(AxisName::kPan).state()) &&
            std::holds_alternative<State>(rig_.axis(AxisName::kTilt).state());
   }
-  /// Without a fault, and idle.
+  /// Whether an axis is idle and has no fault.
   [[nodiscard]] bool is_at_rest(AxisName name) const {
     const AxisState& state = rig_.axis(name).state();
     return std::holds_alternative<axis_state::Idle>(state) ||

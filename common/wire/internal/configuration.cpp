@@ -57,7 +57,7 @@ bool names_loopback(std::string_view xml) {
   return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
 }
 
-/// That the port follows from.
+/// The participant index in DDS from which its port follows; "none" where the middleware may choose.
 std::string index_of(Role role, uint16_t place) {
   switch (role) {
     case Role::kServer:

@@ -35,8 +35,8 @@ class Context {
   [[nodiscard]] std::optional<Timestamp> good_until() const {
     return security_ ? std::optional(security_->expires) : std::nullopt;
   }
-  /// Made when first asked for; lives as long as the context. Error kConfiguration: our keys have expired,
-  /// and nothing more can be made here.
+  /// The middleware's topic, made when first asked for; it lives as long as the context. Error
+  /// kConfiguration: our keys have expired, and nothing more can be made here.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
   /// The middleware's type by which the samples of a topic are serialized; it lives as long as the context.
   /// `writer`: any writer of the topic here. Errors as topic(); kInternal when the middleware does not tell
@@ -58,7 +58,7 @@ class Context {
         domain_(std::move(domain)),
         participant_(participant),
         log_(std::move(log)) {}
-  /// Error kConfiguration: they have expired, or do in a moment.
+  /// Checks our keys. Error kConfiguration: they have expired, or do in a moment.
   [[nodiscard]] Status check_keys() const;
 
   const NetworkPath path_;

@@ -85,11 +85,11 @@ class Check {
   void up(const cairn_Up& up);
   void image(const cairn_Image& image);
   void pixel(const float (&pixel)[2]);
-  /// Empty, or of the size of the mask of such an image.
+  /// Requires that the mask is empty, or of the size of the mask of such an image.
   void still_mask(const dds_sequence_octet& bits, const cairn_Image& image);
-  /// A command is numbered from 1 within a session.
+  /// Requires that a command has a session, and is numbered from 1 within it.
   void command(const cairn_CommandNumber& number);
-  /// No live bits at or beyond `slots`.
+  /// Requires at most kBlockSlots slots, and no live bits at or beyond `slots`.
   void live_mask(uint64_t live, size_t slots);
   template <typename Sequence>
   void count(const Sequence& sequence, size_t max) {
