@@ -113,7 +113,7 @@ void RigLoop::turn(MonotonicTime now) {
   if (now >= next_state_) publish(now);
 }
 
-/// Carries an emergency stop out. One that fails is tried again.
+/// Carries an emergency stop out. One that fails is asked for again.
 void RigLoop::stop_now(MonotonicTime now) {
   try {
     bridge_.stop(now);
