@@ -194,8 +194,8 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
   return {};
 }
 
-/// Whether what a recording needs came before its first frame. A live camera does not wait; a recording would
-/// be over.
+/// Waits until what a recording needs before its first frame is there. A live camera does not wait; a
+/// recording would be over.
 bool await(const std::function<bool(milliseconds)>& is_there, milliseconds patience,
            const std::function<bool()>& stop_requested) {
   for (auto waited = milliseconds(0); waited < patience && !stop_requested(); waited += kPatienceSlice) {
@@ -229,7 +229,7 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
-/// Null without a rig. Error kUsage: a recording cannot be carried by one.
+/// The link to the rig; null without a rig. Error kUsage: a recording cannot be carried by one.
 Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const FrameSource& source,
                                           const Logger& log) {
   if (options.rig.empty()) return std::unique_ptr<RigLink>();
@@ -261,7 +261,8 @@ void press(RigCommander& commander, RigKey key) {
   }
 }
 
-/// Null for who is nobody's. A camera without it is tracked all the same.
+/// The link to the wearer's other cameras; null for a camera that is nobody's. A camera without it is tracked
+/// all the same.
 std::unique_ptr<ImageLink> open_images(const TrackOptions& options, const CameraPtr& camera,
                                        const Logger& log) {
   if (options.wearer.empty()) return nullptr;
@@ -375,14 +376,14 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              std::move(*labels)};
 }
 
-/// What came of a run that ended.
+/// How a run ended.
 struct Ending {
   Status closed;        ///< its files
   Status kept;          ///< its camera, if that was to be calibrated
   bool at_end = false;  ///< of the source, or quit in the window; else interrupted
 };
 
-/// Nothing: the map that was asked for was there, or none in particular was.
+/// Why the map that was asked for was not there; nothing: it was there, or none in particular was asked for.
 std::optional<Error> missing_map(const Run& run) {
   const std::string& map = run.options.map;
   const bool waits =

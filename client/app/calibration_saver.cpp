@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kSlice(100);  ///< how long a request to stop may go unheard
 
-/// What is thrown (memory, the log) is the file's fault: the run's other files are closed all the same.
+/// Writes the camera's file. What is thrown meanwhile (memory, the log) counts as this file's fault: the
+/// run's other files are closed all the same.
 Status write(const std::filesystem::path& path, const CameraPtr& camera, const std::string& how,
              const Logger& log) {
   try {

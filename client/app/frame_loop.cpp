@@ -191,8 +191,9 @@ bool FrameLoop::try_place(const RelocalizationAnswer& answer) {
   return true;
 }
 
-/// Where its pose is measured the tracker stays, whatever was answered meanwhile. A hypothesis that does not
-/// hold gives way to the map it was last tracked in: who is lost looks there by itself.
+/// Ends a verification. The tracker stays in the map in which its pose is measured, whatever was answered
+/// meanwhile. A hypothesis that does not hold gives way to the map in which the camera was tracked last: a
+/// lost tracker looks there by itself.
 void FrameLoop::settle_verification(const FrameResult& result) {
   if (result.pose_measured) verified_ = {result.map, result.epoch, result.revision};
   if (!map_to_verify_) return;
@@ -209,7 +210,7 @@ void FrameLoop::observe_status(const SessionStatus& status) {
   last_status_ = status;
 }
 
-/// What an operator looks at some day need not come often, and nobody waits for it.
+/// A proposal for an operator, who looks at it some day, need not come often, and nobody waits for it.
 bool FrameLoop::wants_keyframes(const MapSnapshotPtr& snapshot, Timestamp time) const {
   const KeyframeUse use = snapshot ? link_.keyframe_use(snapshot->map) : KeyframeUse::kKeyframe;
   if (use != KeyframeUse::kProposal || !proposed_) return use != KeyframeUse::kNothing;
@@ -235,7 +236,7 @@ bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   return result.seed || result.keyframe || result.reloc_query;
 }
 
-/// In slices, so that a request to stop is heard while a server works.
+/// Waits for the server in slices, so that a request to stop is heard while it works.
 void FrameLoop::settle() {
   for (auto left = options_.settle_timeout; left > left.zero() && !stop_requested_(); left -= kSettleSlice) {
     if (link_.wait_until_settled(std::min(left, kSettleSlice))) return;

@@ -21,14 +21,15 @@ struct FrameLoopOptions {
   Pace pace = Pace::kRealtime;
   int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
-  /// Of the camera's IMU; null: it has none. Outlives the loop.
+  /// The samples of the camera's IMU; null: it has none. Outlives the loop.
   ImuStream* imu = nullptr;
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
-  /// Lost where no map is known, by the frames' stamps, after which another map is begun.
+  /// How long, by the frames' stamps, a tracker is lost where no map is known before it begins another map.
   std::chrono::nanoseconds lost_patience = std::chrono::seconds(1);
   std::function<bool()> new_map_requested = [] { return false; };        ///< asked once a frame
   std::function<std::string()> rig_text = [] { return std::string(); };  ///< FrameReport::rig
-  /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
+  /// How long lockstep waits for the server's work on one frame; a global adjustment of a full map takes
+  /// seconds.
   std::chrono::milliseconds settle_timeout{120'000};
 };
 
@@ -40,8 +41,8 @@ class FrameLoop {
   FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock,
             FrameLoopOptions options, std::vector<FrameObserver*> observers);
 
-  /// Until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the first
-  /// frame is not of the camera's size, kDamaged when no frame could be decoded.
+  /// Runs until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the
+  /// first frame is not of the camera's size, kDamaged when no frame could be decoded.
   [[nodiscard]] Result<bool> run(const std::function<bool()>& stop_requested);
 
   /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those
@@ -56,7 +57,7 @@ class FrameLoop {
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
   void deliver_place(const RelocalizationAnswer& answer);
-  /// Whether the tracker will.
+  /// Gives the answer's best place to the tracker. Whether the tracker will verify it.
   [[nodiscard]] bool try_place(const RelocalizationAnswer& answer);
   void add_samples(Timestamp time);
   void settle_verification(const FrameResult& result);
@@ -98,8 +99,8 @@ class FrameLoop {
   };
   std::optional<Proposed> proposed_;  ///< the last keyframe that is to be kept aside
   LostWatch lost_;
-  /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a hypothesis that
-  /// did not hold costs a start no patience.
+  /// Whether a pose was tracked since the tracker started (over). A tracker that was not tracked anywhere yet
+  /// has nothing to find again: a hypothesis that did not hold costs a start no patience.
   bool has_tracked_ = false;
   Timestamp asked_;      ///< of the frame of the latest query
   MapId map_to_verify_;  ///< in use because of a hypothesis in it that is not verified yet

@@ -72,7 +72,7 @@ class FrameObserver {
   virtual void on_dropped(const DroppedReport&) {}
   virtual void on_undecodable(const UndecodableReport&) {}
   virtual void on_seed_reply(const SeedReply&) {}
-  /// Those that came since the frame before, at least one.
+  /// The replies to offers that came since the frame before, at least one.
   virtual void on_offer_replies(const std::vector<OfferReply>&) {}
   virtual void on_relocalization_answer(const PlaceReport&) {}
   /// The link to the server is in another state, or its words have changed.

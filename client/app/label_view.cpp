@@ -40,8 +40,8 @@ bool may_be_of_one_surface(const PointInView& a, const PointInView& b) {
   return distances[0] < kOneSurface * distances[1] && distances[1] < kOneSurface * distances[0];
 }
 
-/// Without those that no two others are at about the distance of: a map has some wrong points, which would
-/// draw a label far behind what is pointed at. Few points are left as they are.
+/// The points without strays, to which no two others are at about the same distance: a map has some wrong
+/// points, which would draw a label far behind what is pointed at. Few points are left as they are.
 std::vector<PointInView> without_strays(std::vector<PointInView> near) {
   if (near.size() < kLeastNeighbours) return near;
   const std::vector<PointInView> all = near;
@@ -52,8 +52,8 @@ std::vector<PointInView> without_strays(std::vector<PointInView> near) {
   return near;
 }
 
-/// Those at about the distance of the one pointed closest to: what lies behind it or before it is of another
-/// surface.
+/// The points at about the distance of the one pointed closest to: what lies behind it or before it belongs
+/// to another surface.
 std::vector<PointInView> on_one_surface(std::vector<PointInView> near) {
   const PointInView closest = near.front();
   std::erase_if(near, [&closest](const PointInView& p) { return !may_be_of_one_surface(closest, p); });
@@ -72,8 +72,8 @@ bool reach(const std::vector<PointInView>& points, const Eigen::Vector2d& pixel)
   return solver.isInvertible() && solver.inverse()(0, 0) <= 1;
 }
 
-/// Of the points around, nearest first, so many of one surface as tell where it is at the pixel; all there
-/// are, if these do not.
+/// The nearest points of one surface, as many as tell where it is at the pixel; all there are, if these do
+/// not. `near`: the points around, nearest first.
 std::vector<PointInView> surface_around(std::span<const PointInView> near, const Eigen::Vector2d& pixel) {
   for (size_t count = kNeighbours;; count += kNeighbours) {
     const auto some = near.first(std::min(count, near.size()));
@@ -83,8 +83,8 @@ std::vector<PointInView> surface_around(std::span<const PointInView> near, const
   }
 }
 
-/// Where a ray meets the plane that fits the points best (total least squares); nothing for points on a line,
-/// a plane seen edge-on, or a place far from the points.
+/// The place where a ray meets the plane that fits the points best (total least squares). Nothing for points
+/// on a line, a plane seen edge-on, or a place far from the points.
 std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray,
                                           const std::vector<PointInView>& points) {
   if (points.size() < kLeastNeighbours) return std::nullopt;

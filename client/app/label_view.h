@@ -12,8 +12,8 @@
 #include "common/map/label.h"
 #include "common/map/snapshot.h"
 
-/// What an image with a pose shows of a map's labels, and what a person points at in it. Pure; distances
-/// within the image grow with its width. Pixels are those of level 0.
+/// The labels that are seen in an image with a pose, and the place that a person points at in it. Pure;
+/// distances within the image grow with its width. Pixels are those of level 0.
 namespace cairn {
 
 /// A map point that the tracker found in the image.

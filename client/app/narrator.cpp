@@ -17,7 +17,7 @@ constexpr std::chrono::seconds kProgressPeriod(1);
 constexpr std::chrono::seconds kImuPatience(2);
 constexpr size_t kProgressBytes = 4096;  ///< of lines that a terminal has not yet taken
 
-/// Null where stderr is no terminal, or one that cannot erase a line.
+/// The terminal's stream; null where stderr is no terminal, or one that cannot erase a line.
 std::unique_ptr<StreamWriter> open_terminal() {
   const char* term = std::getenv("TERM");
   const bool erases = isatty(STDERR_FILENO) == 1 && (term == nullptr || std::strcmp(term, "dumb") != 0);
@@ -56,7 +56,8 @@ void Narrator::on_frame(const FrameReport& report) {
   show_progress(report);
 }
 
-/// How far a search is would be a line for each frame.
+/// Tells what the rig does when that changes. Numbers do not count, for how far a search is would be a line
+/// for each frame.
 void Narrator::tell_rig(const FrameReport& report) {
   const std::string rig = without_numbers(report.rig);
   if (rig == rig_) return;
@@ -143,7 +144,7 @@ void Narrator::tell_refusal(const std::string& refusal) {
     log_->info("{}", *said);
 }
 
-/// One line for each verdict and reason: a restarted server refuses a whole spool at once.
+/// Tells one line for each verdict and reason: a restarted server refuses a whole spool at once.
 void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
   std::map<std::string, size_t> verdicts;
   for (const auto& reply : replies) {
@@ -163,7 +164,7 @@ void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
   }
 }
 
-/// That the server is there is told by the session itself, also before the first frame.
+/// Tells faults of the link. The session itself tells that the server is there, also before the first frame.
 void Narrator::on_status(const SessionStatus& status) {
   server_text_ = status.text;
   const bool fault =
@@ -192,7 +193,7 @@ void Narrator::on_camera(const CameraUpdate& update) {
   }
 }
 
-/// Once: a server that is gone would settle none of the frames to come.
+/// Warns once: a server that is gone would settle none of the frames to come.
 void Narrator::on_unsettled(size_t frame_number) {
   if (std::exchange(unsettled_, true)) return;
   log_->warn(
@@ -227,7 +228,8 @@ void Narrator::tell_imu(const FrameReport& report) {
   imu_ = imu;
 }
 
-/// By the frames' stamps, which may jump back.
+/// Warns once when there have been no samples of the IMU for long, by the frames' stamps, which may jump
+/// back.
 void Narrator::tell_imu_gap(Timestamp time) {
   if (!imu_missing_since_ || time < *imu_missing_since_) imu_missing_since_ = time;
   if (imu_gap_told_ || time - *imu_missing_since_ < kImuPatience) return;

@@ -39,7 +39,8 @@ class Narrator final : public FrameObserver {
 
   /// Ends the progress line.
   void finish();
-  /// After a run that ended in no map: why, as far as the tracker and the server told; else empty.
+  /// Why a run ended in no map, as far as the tracker and the server told; empty after a run that ended in
+  /// one.
   [[nodiscard]] std::string why_no_map() const;
 
   /// "frame 120/600 tracking, 412/530 points, map of 7 keyframes, 1890 points, 6.1 ms"

@@ -46,7 +46,7 @@ struct OverlayFrame {
 
 [[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
 
-/// What of it is drawn.
+/// The parts of an OverlayFrame that are drawn.
 struct OverlayStyle {
   bool points = true;
   LabelId selected;  ///< a label to be marked; none: 0
@@ -61,7 +61,7 @@ class Overlay {
   /// width gets one dark column more, one that stays narrower than 64 px what is missing.
   explicit Overlay(CameraPtr camera);
 
-  /// Of every image drawn [px].
+  /// Size of every image drawn [px].
   [[nodiscard]] cv::Size size() const;
   /// BGR; valid until the next call. `frame.image` must have the camera's size.
   [[nodiscard]] const cv::Mat& draw(const OverlayFrame& frame, const OverlayStyle& style = {});

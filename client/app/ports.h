@@ -9,9 +9,9 @@
 #include "client/session/session.h"
 #include "client/tracking/tracker.h"
 
-/// What the frame loop needs of the world, so that its rules are tested with scripted trackers, servers and
-/// clocks. The real ones are in adapters.h and forward word for word: see Tracker and Session for the meaning
-/// of each call.
+/// Interfaces to all that the frame loop needs of the world, so that its rules are tested with scripted
+/// trackers, servers and clocks. The real ones are in adapters.h and forward word for word: see Tracker and
+/// Session for the meaning of each call.
 namespace cairn {
 
 class TrackingEngine {

@@ -93,7 +93,7 @@ void RigLink::run() {
     turn();
 }
 
-/// Whatever was wrong with one exchange, the rig waits for the next order.
+/// Does one exchange with the rig. Whatever is wrong with it, the rig waits for the next order.
 void RigLink::turn() {
   try {
     exchange();

@@ -41,14 +41,14 @@ class RigLink final : public FrameObserver {
  public:
   /// The rig need not be there. Errors: those of Participant::create().
   [[nodiscard]] static Result<std::unique_ptr<RigLink>> open(const RigLinkOptions& options);
-  /// As close().
+  /// Lets the drives go, as close() does.
   ~RigLink() override { close(); }
   /// Lets the drives go, if the rig is there.
   void close();
   RigLink(const RigLink&) = delete;
   RigLink& operator=(const RigLink&) = delete;
 
-  /// Something for the commander, at once.
+  /// Runs a task on the commander, at once.
   template <typename Task>
   auto with(Task task) {
     const std::lock_guard lock(mutex_);
@@ -57,7 +57,7 @@ class RigLink final : public FrameObserver {
   /// Emergency stop: said at once, not when an order is due.
   void stop();
   [[nodiscard]] std::string describe();
-  /// Of the IMU that sits with the camera on the rig's head.
+  /// The samples of the IMU that sits with the camera on the rig's head.
   [[nodiscard]] ImuStream& imu() { return imu_; }
   void on_frame(const FrameReport& report) override;
 

@@ -30,7 +30,7 @@ class RigPilot final : public FrameObserver {
   void on_frame(const FrameReport& report) override;
   void on_relocalization_answer(const PlaceReport& report) override;
 
-  /// What is fixated, in the map's frame.
+  /// The place that is fixated, in the map's frame.
   [[nodiscard]] const std::optional<Eigen::Vector3d>& fixated() const { return point_; }
 
  private:

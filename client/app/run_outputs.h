@@ -17,9 +17,10 @@
 
 namespace cairn {
 
-/// Whether all files that a run writes can be, and are none of each other, of what it reads, or of its log.
-/// What an earlier run left stays as it is. `calibration`: the file that was read, if any;
-/// `calibration_to_save`: where a camera that is calibrated is written, if it is. Errors: kUsage, kIo.
+/// Checks whether all files that a run writes can be written, and that none is another of them, a file that
+/// the run reads, or its log. What an earlier run left stays as it is. `calibration`: the file that was read,
+/// if any; `calibration_to_save`: where a camera that is calibrated is written, if it is. Errors: kUsage,
+/// kIo.
 [[nodiscard]] Status check_outputs(const TrackOptions& options,
                                    const std::optional<std::filesystem::path>& calibration,
                                    const std::optional<std::filesystem::path>& calibration_to_save);
@@ -34,7 +35,7 @@ class RunOutputs {
   [[nodiscard]] static Result<RunOutputs> open(const TrackOptions& options, const CameraPtr& camera,
                                                const StopRequested& stop_requested, const Logger& log);
 
-  /// Those that listen to the frame loop.
+  /// The outputs that listen to the frame loop.
   [[nodiscard]] std::vector<FrameObserver*> observers() const;
   /// Completes the files; the first error, after all have been tried. Call once.
   [[nodiscard]] Status close(const RunStats& stats, uint64_t bytes_sent, uint64_t bytes_received);

@@ -37,7 +37,7 @@ class StageClock final : public StageProbe {
   StageTimes times_{};
 };
 
-/// Of the rig that carries the camera.
+/// What the statistics tell about the rig that carries the camera.
 struct RigSummary {
   std::string name;
   std::string text;  ///< what it did or what kept it from that, at the end, for a person
@@ -46,7 +46,7 @@ struct RigSummary {
   std::optional<Eigen::Vector3d> fixated;  ///< in the map's frame
 };
 
-/// Between the cameras of one wearer on one host.
+/// What the statistics tell about the images between the cameras of one wearer on one host.
 struct ImageSummary {
   size_t sent = 0;
   size_t received = 0;
@@ -79,7 +79,7 @@ class RunStats final : public FrameObserver {
   void note_rig(RigSummary rig) { rig_ = std::move(rig); }
   void note_images(ImageSummary images) { images_ = images; }
 
-  /// For the last words on stderr, one line each: frames and maps, times, keyframes.
+  /// The last words on stderr, one line each: frames and maps, times, keyframes.
   [[nodiscard]] std::vector<std::string> summary_lines() const;
 
   /// Why the poses of this run are not what was asked for: no frame was tracked (`why_no_map` is the reason

@@ -16,7 +16,7 @@ class StopSignal {
   StopSignal(const StopSignal&) = delete;
   StopSignal& operator=(const StopSignal&) = delete;
 
-  /// Whether a signal to stop has come. To be asked by the thread that made the object.
+  /// Whether a signal to stop has come. Only the thread that made the object may ask.
   [[nodiscard]] bool requested();
 
   /// Whether a new map was asked for since the last call.

@@ -237,7 +237,7 @@ tl::unexpected<Error> misfit(std::string message) {
   return fail(ErrorCode::kUsage, std::move(message));
 }
 
-/// What cannot be meant so; nothing: all is well.
+/// Why the words about the rig cannot be meant so; nothing: all is well.
 std::optional<std::string> misuse_of_rig(const Words& words) {
   const TrackOptions& options = words.options;
   if (options.rig.empty()) {
@@ -324,7 +324,7 @@ OptionList engines_of(TrackOptions* options) {
       .add_part("commander", list_options(&options->commander));
 }
 
-/// What --help tells at the end of a description, in brackets, of what holds where the option is not given.
+/// The default of an option, which --help tells in brackets at the end of its description.
 std::string told_default(const std::string& description) {
   const size_t begin = description.rfind('[');
   if (!description.ends_with(']') || begin == std::string::npos) return "not given";
@@ -352,15 +352,15 @@ class CommandLine {
     return std::nullopt;
   }
 
-  /// Of the options that a configuration file may set.
+  /// Names of the options that a configuration file may set.
   [[nodiscard]] std::vector<std::string> names() const {
     std::vector<std::string> names;
     for (const CLI::Option* option : settings()) names.push_back(name_of(*option));
     return names;
   }
 
-  /// What a file says of options that were not given, as arguments. kConfiguration for a flag that is neither
-  /// on nor off.
+  /// The arguments that a file gives for options that the command line did not give. kConfiguration for a
+  /// flag that is neither on nor off.
   [[nodiscard]] Result<std::vector<std::string>> lacking(const ConfigurationWords& file) const {
     std::vector<std::string> arguments;
     for (const auto& [name, value] : file) {
@@ -402,7 +402,8 @@ class CommandLine {
 
  private:
   static bool is_flag(const CLI::Option& option) { return option.get_expected_max() == 0; }
-  /// Of a flag by its name: one that denies what it stands for (`!--no-proposals`) is on where that is false.
+  /// Whether the flag that this option names is on: an option that denies it (`!--no-proposals`) is on where
+  /// the flag's value is false.
   static bool is_on(const CLI::Option& option) {
     if (option.count() == 0) return false;
     const bool denies = !option.get_fnames().empty();
@@ -419,7 +420,7 @@ class CommandLine {
   CLI::App app_{kDescription, "cairn-track"};
 };
 
-/// What was said, checked; with --print-config as text.
+/// The options, checked; with --print-config the configuration as text.
 std::variant<TrackOptions, ParseExit> end_of(const CommandLine& line, TrackOptions options) {
   if (line.words.prints_config)
     return ParseExit{0, write_configuration("cairn-track", line.lines(), engines_of(&options))};
@@ -427,7 +428,7 @@ std::variant<TrackOptions, ParseExit> end_of(const CommandLine& line, TrackOptio
   return options;
 }
 
-/// Whether translate() finds this fault in it alone.
+/// Whether translate() finds this fault in the line's own words alone.
 bool has_fault(const CommandLine& line, const Error& fault) {
   const auto alone = translate(line.words);
   return !alone && alone.error().message == fault.message;

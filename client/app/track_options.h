@@ -24,7 +24,7 @@ struct TrackOptions {
   std::optional<std::filesystem::path> calibration;  ///< nothing: the source's own, or camera.txt beside it
   bool find_camera = false;   ///< --calibration auto: it is calibrated, from `calibration` if that is given
   bool exact_camera = false;  ///< --calibration exact:FILE: taken as it is, also without distortion
-  /// Where a camera that was calibrated is written; nothing: to a file of the client's name.
+  /// The file to which a camera that was calibrated is written; nothing: a file of the client's name.
   std::optional<std::filesystem::path> saved_calibration;
   std::string server = "localhost";
   int domain = 0;

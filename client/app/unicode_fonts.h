@@ -19,7 +19,7 @@ class UnicodeFonts {
 
   /// `height`: of a line [px]. Letters that the font chosen for `text` has not are `?`. Nothing: no font.
   [[nodiscard]] std::optional<cv::Size> size(const std::string& text, int height);
-  /// False, and nothing is drawn: no font.
+  /// Draws a text with its baseline at a place. False, and nothing is drawn, where there is no font.
   bool draw(const std::string& text, cv::Point baseline, int height, const cv::Scalar& ink, cv::Mat* image);
 
  private:

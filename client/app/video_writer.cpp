@@ -27,8 +27,8 @@ struct Codec {
   const char* ending;
   const char* fourcc;
 };
-/// In every build of FFmpeg, and cheap: H.264 takes nine times the processor time (29 against 3 ms an image
-/// of 640x524), which the tracker needs more.
+/// Encoders that every build of FFmpeg has, and that are cheap: H.264 takes nine times the processor time (29
+/// against 3 ms an image of 640x524), which the tracker needs more.
 constexpr std::array kCodecs = {Codec{".mp4", "mp4v"}, Codec{".mkv", "mp4v"}, Codec{".avi", "MJPG"}};
 
 const Codec* find_codec(const std::filesystem::path& path) {
@@ -37,7 +37,7 @@ const Codec* find_codec(const std::filesystem::path& path) {
   return codec == kCodecs.end() ? nullptr : codec;
 }
 
-/// From the median step between the stamps.
+/// The frame rate [Hz], from the median step between the stamps.
 double rate_of(const std::vector<OverlayFrame>& frames) {
   std::vector<double> steps;
   for (size_t i = 1; i < frames.size(); ++i) {
@@ -117,7 +117,7 @@ Status VideoWriter::finish() {
   return status_;
 }
 
-/// What the encoder throws is a fault of the file, not of the program.
+/// Encodes until the end. What the encoder throws is a fault of the file, not of the program.
 void VideoWriter::run() {
   try {
     encode();

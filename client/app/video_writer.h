@@ -39,7 +39,7 @@ class VideoWriter final : public FrameObserver {
   [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(
       const std::filesystem::path& path, CameraPtr camera, WhenBehind when_behind,
       StopRequested stop_requested = [] { return false; }, Logger log = null_logger());
-  /// As finish(), without a report.
+  /// Completes the file as finish() does, without a report.
   ~VideoWriter() override;
   VideoWriter(const VideoWriter&) = delete;
   VideoWriter& operator=(const VideoWriter&) = delete;

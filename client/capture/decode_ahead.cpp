@@ -44,7 +44,8 @@ void DecodeAhead::run() {
   }
 }
 
-/// What a decoder throws (no memory for a huge image) is a frame that cannot be read.
+/// The source's next frame. What a decoder throws (no memory for a huge image) is told as a frame that cannot
+/// be read.
 Result<std::optional<Frame>> DecodeAhead::next_of_source() {
   try {
     return source_->next();

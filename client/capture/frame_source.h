@@ -26,13 +26,13 @@ struct Frame {
   GrayImagePtr image;
 };
 
-/// What a person should know of a source before its frames are used. A sentence that names it.
+/// A sentence that names a source and says what a person should know of it before its frames are used.
 struct SourceNote {
   std::string text;
   bool is_warning = false;  ///< else it tells what is done by itself
 };
 
-/// Where frames come from. Used by one thread at a time.
+/// A source of frames. Used by one thread at a time.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
@@ -47,15 +47,15 @@ class FrameSource {
   [[nodiscard]] virtual std::optional<CameraParameters> builtin_calibration() const { return std::nullopt; }
   /// Size of its frames, where it can tell without reading frames.
   [[nodiscard]] virtual std::optional<ImageSize> image_size() const { return std::nullopt; }
-  /// Of its first and its last frame, where it can tell without reading frames.
+  /// Times of its first and its last frame, where it can tell without reading frames.
   [[nodiscard]] virtual std::optional<std::pair<Timestamp, Timestamp>> time_span() const {
     return std::nullopt;
   }
   /// The samples of the IMU on its camera, for once; null where it has none of its own.
   [[nodiscard]] virtual ImuStreamPtr take_imu() { return nullptr; }
-  /// For a person: what it is, without frames being read.
+  /// Says to a person what the source is, without frames being read.
   [[nodiscard]] virtual std::string describe() const = 0;
-  /// What was noticed when it was opened.
+  /// The notes that were made when the source was opened.
   [[nodiscard]] virtual std::vector<SourceNote> notes() const { return {}; }
   /// Whether frames come by the clock of a camera and are lost when not taken.
   [[nodiscard]] virtual bool is_live() const { return false; }
@@ -82,7 +82,7 @@ class FrameSource {
 /// is not looked at; none for what open_source() would refuse.
 [[nodiscard]] std::vector<std::filesystem::path> source_files(std::string_view uri);
 
-/// What a loop would say of the first frame, told before it: kConfiguration where the frames have another
+/// Checks before the first frame what a loop would say of it: kConfiguration where the frames have another
 /// size than the calibration, also if only width and height are exchanged. A source that knows its size only
 /// from its frames passes.
 [[nodiscard]] Status check_image_size(const FrameSource& source, const CameraParameters& calibration);

@@ -14,7 +14,7 @@ namespace cairn {
 /// Order of file names in which runs of digits count by value: frame2 < frame10. A strict total order.
 [[nodiscard]] bool natural_less(std::string_view a, std::string_view b);
 
-/// What a system leaves beside images: `._a.jpg` of a Mac, and every other hidden file.
+/// Whether a file is one that a system leaves beside images: `._a.jpg` of a Mac, and every other hidden file.
 [[nodiscard]] bool is_hidden(const std::filesystem::path& path);
 
 /// Images whose names are one but for their numbers.

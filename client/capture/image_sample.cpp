@@ -60,7 +60,7 @@ double roughness(const DeepImage& image, Value value) {
 /// Headers of the images in a sample, and the values of those with more than 8 bits.
 class Sampler {
  public:
-  /// Whether it can be read.
+  /// Looks at an image. Whether it can be read.
   bool look(const std::filesystem::path& path) {
     const auto content = read_file(path);
     if (!content) return false;

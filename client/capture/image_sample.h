@@ -25,7 +25,7 @@ using DeepHistogram = std::vector<uint64_t>;
 /// Whether pixels are smoother with their bytes exchanged: some write PGM files with the low byte first.
 [[nodiscard]] bool has_exchanged_bytes(const DeepImage& image);
 
-/// What images of a recording have in common.
+/// The properties that the images of a recording have in common.
 struct ImageSample {
   std::optional<ImageSize> size;     ///< of most, as they are shown; nothing where none can be read
   std::set<int> orientations;        ///< of those of that size (orientation.h)

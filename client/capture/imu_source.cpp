@@ -73,14 +73,15 @@ Result<std::optional<SE3>> body_from(const char* sensor, const fs::path& file) {
   return (*mount)->body_from_sensor;
 }
 
-/// Of the sensor.yaml beside the samples; the body's own where there is none.
+/// The IMU's pose in the body, by the sensor.yaml beside the samples; the body's own frame where there is
+/// none.
 Result<SE3> body_from_imu(const fs::path& samples) {
   const auto file = samples.parent_path() / "sensor.yaml";
   if (!is_file(file)) return SE3();
   return body_from("imu", file).map([](const std::optional<SE3>& mount) { return mount.value_or(SE3()); });
 }
 
-/// Nothing where the file says nothing of it.
+/// The IMU's mount as a file says it; nothing where the file does not say it.
 Result<std::optional<ImuMount>> mount_of_file(const fs::path& file, const fs::path& samples) {
   const auto kalibr = read_kalibr_imu(file);
   if (!kalibr) return tl::unexpected(kalibr.error());

@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What a person says of the IMU on a recording's camera.
+/// A person's words about the IMU on a recording's camera.
 struct ImuRequest {
   /// A file of samples, or a folder as EuRoC's imu0; nothing: what the source has by itself.
   std::optional<std::filesystem::path> samples;

@@ -24,7 +24,7 @@ using std::chrono::nanoseconds;
 constexpr milliseconds kPatience{2000};
 constexpr nanoseconds kPeriod{static_cast<int64_t>(1e9 / kSimulatorFrameRate)};
 
-/// Of the simulator's: the world, and how an image is taken.
+/// The simulator's options that this source takes: the world, and how an image is taken.
 constexpr std::array<std::string_view, 8> kOptions = {"seed",  "camera", "light", "session",
                                                       "walks", "noise",  "blur",  "rolling"};
 
@@ -66,7 +66,7 @@ class SimulatedRigSource final : public FrameSource {
   [[nodiscard]] nanoseconds after_middle() const {
     return std::chrono::duration_cast<nanoseconds>(kPeriod * (options_.blur + options_.rolling) / 2);
   }
-  /// Its index.
+  /// Index of the latest frame that has been exposed.
   [[nodiscard]] int64_t last_exposed() const {
     return (*truth_.newest() - *begin_ - after_middle()).count() / kPeriod.count();
   }

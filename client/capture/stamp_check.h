@@ -11,20 +11,20 @@
 
 namespace cairn {
 
-/// What the numbers of a list of stamps count.
+/// The unit in which a list of stamps counts.
 enum class TimeUnit : uint8_t { kSeconds, kMilliseconds, kMicroseconds, kNanoseconds };
 
-/// As `unit=` of a source has it: s, ms, us, ns.
+/// The unit's name in `unit=` of a source: s, ms, us, ns.
 [[nodiscard]] std::string_view short_name(TimeUnit unit);
-/// For a sentence: seconds, milliseconds, ...
+/// The unit's name in a sentence: seconds, milliseconds, ...
 [[nodiscard]] std::string_view long_name(TimeUnit unit);
 
 struct StampReport {
   /// Why no camera has such stamps, with the likely cause. A sentence about what they are from.
   std::optional<std::string> impossible;
-  /// What to do about it where that is a list: the sentence's end.
+  /// What to do about it where the stamps are from a list: the sentence's end.
   std::string remedy;
-  /// What recordings do have and a person should know. Sentences about the list.
+  /// Sentences about the list, which a person should know and recordings do have.
   std::vector<std::string> remarks;
 };
 

@@ -12,12 +12,12 @@
 
 namespace cairn {
 
-/// What a source's list of times counts, and whether its option `unit=s|ms|us|ns` says so.
+/// The unit in which a source's list of times counts, and whether its option `unit=s|ms|us|ns` says so.
 struct StampUnit {
   TimeUnit unit = TimeUnit::kSeconds;
   bool is_given = false;
 };
-/// kUsage for a unit that there is not.
+/// The unit of a source's option, `otherwise` where it has none. kUsage for a unit that there is not.
 [[nodiscard]] Result<StampUnit> stamp_unit(const SourceUri& uri, TimeUnit otherwise);
 
 /// A decimal number of `unit`, exact to the nanosecond; nanoseconds are whole numbers.
@@ -26,11 +26,12 @@ struct StampUnit {
 /// parse_stamp() does not take and another unit explains, else nothing.
 [[nodiscard]] std::string other_unit_hint(std::string_view text, TimeUnit unit);
 
-/// One time a line. Errors: those of read_text_file(); kDamaged (a line that is no time, no line at all).
+/// Reads a list with one time a line. Errors: those of read_text_file(); kDamaged (a line that is no time, no
+/// line at all).
 [[nodiscard]] Result<std::vector<Timestamp>> read_times(const std::filesystem::path& path, TimeUnit unit);
 
-/// What a person should know of the stamps in `list`. kDamaged where no camera can have them, unless the
-/// unit was given: who gave it has looked.
+/// Notes for a person about the stamps in `list`. kDamaged where no camera can have them, unless the unit was
+/// given: whoever gave it has looked.
 [[nodiscard]] Result<std::vector<SourceNote>> vet_stamps(const std::filesystem::path& list,
                                                          std::span<const Timestamp> stamps, StampUnit unit);
 

@@ -34,7 +34,8 @@ bool streams_to_another(int device, uint32_t abilities) {
          errno == EBUSY;
 }
 
-/// What the system says of a device, told apart before OpenCV, which knows only that it cannot open it.
+/// Checks a camera's device before OpenCV does, which knows only that it cannot open it: tells apart what the
+/// system says of it.
 Status check_device(const std::string& path) {
   const auto no_camera = [&](const std::string& why) {
     return fail(ErrorCode::kIo, path + ": " + why + "; `ls /dev/video* /dev/v4l/by-id` shows the cameras");
@@ -72,7 +73,7 @@ Status check_device(const std::string& path) {
   return {};
 }
 
-/// Whether the camera that was opened is there no more.
+/// Whether the camera that was opened is not there any more.
 bool is_gone(const std::string& path) {
   const int device = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (device < 0) return errno == ENOENT || errno == ENODEV || errno == ENXIO;

@@ -15,13 +15,13 @@
 namespace cairn {
 namespace {
 
-/// Of the frames that the container announces: some announce what duration and rate make, a few more than
-/// there are.
+/// Share of the frames that the container announces with which a video counts as whole. Some containers
+/// announce what duration and rate make, a few more than there are.
 constexpr double kWholeShare = 0.95;
 
-/// By how much the image is to be turned clockwise so that it is upright, from what the container says:
-/// phones keep the rows of the sensor and say how it was held. Turned by OpenCV itself, OpenCV 4.6 would turn
-/// the wrong way, for it gives the angle with the other sign.
+/// The angle [degrees] by which the image is to be turned clockwise so that it is upright, from what the
+/// container says: phones keep the rows of the sensor and say how it was held. OpenCV must not turn it by
+/// itself: OpenCV 4.6 would turn the wrong way, for it gives the angle with the other sign.
 int clockwise_turn(cv::VideoCapture& capture) {
   capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
   const int angle = static_cast<int>(std::lround(capture.get(cv::CAP_PROP_ORIENTATION_META)));
@@ -29,7 +29,8 @@ int clockwise_turn(cv::VideoCapture& capture) {
   return ((is_counterclockwise ? -angle : angle) % 360 + 360) % 360;
 }
 
-/// Nothing where the image is to stay, or at an angle that rows of pixels cannot have.
+/// OpenCV's turn for an angle. Nothing where the image is to stay, or at an angle that rows of pixels cannot
+/// have.
 std::optional<cv::RotateFlags> turn_of(int clockwise_degrees) {
   switch (clockwise_degrees) {
     case 90:
@@ -43,8 +44,8 @@ std::optional<cv::RotateFlags> turn_of(int clockwise_degrees) {
   }
 }
 
-/// What a person should know of the stamps that a container has, by its first frames and a capture of their
-/// own: they are known only when frames are taken.
+/// Notes for a person about the stamps of a container, by its first frames and a capture of their own: stamps
+/// are known only when frames are taken.
 std::vector<SourceNote> vet_container(const std::string& path) {
   constexpr size_t kFrames = 12;
   cv::VideoCapture capture(path, cv::CAP_FFMPEG);

@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// How the encoders of a rig have its camera to what carries the rig.
+/// The rotation from a rig's camera to the base that carries the rig, by the encoders.
 struct EncoderSample {
   Timestamp time;  ///< by the camera's clock
   Eigen::Quaterniond base_from_camera = Eigen::Quaterniond::Identity();
@@ -23,13 +23,13 @@ struct EncoderTurnOptions {
   uint64_t kept = 200;       ///< samples: two seconds
 };
 
-/// How a camera turned by the encoders of the rig that carries it, as far as what carries the rig stands
-/// still. Pure; one thread.
+/// The turns of a camera by the encoders of the rig that carries it, true as long as what carries the rig
+/// stands still. Pure; one thread.
 class EncoderTurns {
  public:
   explicit EncoderTurns(const EncoderTurnOptions& options) : options_(options) {}
 
-  /// In order of time; of time that goes back all is begun anew.
+  /// Adds samples in order of time. When time goes back, all samples before are forgotten.
   void add(std::span<const EncoderSample> samples);
   /// The camera at `to` from before. Nothing where samples are missing: before the first, in a gap of more
   /// than 50 ms, or when the newest is older than `to` by more than 20 ms.

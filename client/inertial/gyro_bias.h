@@ -27,8 +27,8 @@ class GyroBias {
 
   [[nodiscard]] const Eigen::Vector3d& value() const { return value_; }  ///< camera axes [rad/s]
   [[nodiscard]] double sigma() const { return sigma_; }                  ///< per axis [rad/s]
-  /// Whether the gyro has left a third or more of the turns of the last second unexplained: as much as is new
-  /// in them.
+  /// Whether the gyro has left more than a third of the turns of about the last second unexplained, and more
+  /// than noise.
   [[nodiscard]] bool leaves_turns_unexplained() const;
 
  private:

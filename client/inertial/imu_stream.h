@@ -12,16 +12,17 @@
 
 namespace cairn {
 
-/// Where a frame loop gets the samples of its camera's IMU from.
+/// The source of the samples of a camera's IMU, from which a frame loop takes them.
 class ImuStream {
  public:
   virtual ~ImuStream() = default;
-  /// At present. Nothing: it is not known, and the samples serve nothing.
+  /// The IMU's mount as it is known at present. Nothing: it is not known, and the samples serve nothing.
   [[nodiscard]] virtual std::optional<ImuMount> mount() const = 0;
   /// Appends the samples that were not taken yet, as far as a frame of `time` (the camera's clock) needs
   /// them: up to the first one at or after it. Never waits.
   virtual void take(Timestamp time, std::vector<ImuSample>* samples) = 0;
-  /// Likewise all that have come of the encoders of a rig that carries the camera.
+  /// Appends all samples of the encoders that have come and were not taken yet, of a rig that carries the
+  /// camera.
   virtual void take_encoders(std::vector<EncoderSample>* /*samples*/) {}
 };
 
@@ -55,14 +56,14 @@ class ImuQueue final : public ImuStream {
     const std::lock_guard lock(mutex_);
     return mount_;
   }
-  /// From now on.
+  /// Sets the mount that counts from now on.
   void set_mount(const std::optional<ImuMount>& mount) {
     const std::lock_guard lock(mutex_);
     mount_ = mount;
   }
   void put(const ImuSample& sample) { append(sample, &samples_); }
   void put(const EncoderSample& sample) { append(sample, &encoders_); }
-  /// All that have come.
+  /// Appends all samples that have come, whatever the time.
   void take(Timestamp /*time*/, std::vector<ImuSample>* samples) override { move_all(&samples_, samples); }
   void take_encoders(std::vector<EncoderSample>* samples) override { move_all(&encoders_, samples); }
 

@@ -34,25 +34,25 @@ struct InertialSensorOptions {
   UpFilterOptions up;
 };
 
-/// What the IMU that is fixed to a camera says of it: how it turned, and where up is. The gyro's bias is
-/// learnt from turns that the camera's images tell. All times are by the camera's clock, all axes the
+/// What the IMU that is fixed to a camera tells about the camera: how it turned, and where up is. The gyro's
+/// bias is learnt from turns that the camera's images tell. All times are by the camera's clock, all axes the
 /// camera's. Pure; one thread.
 class InertialSensor {
  public:
   explicit InertialSensor(const ImuMount& mount, const InertialSensorOptions& options);
 
-  /// It sits otherwise, or its clock goes otherwise, than was known: counts for the samples of before too. A
-  /// gyro with other axes is begun anew with, its bias as well.
+  /// Sets how the IMU's axes and clock relate to the camera's, when more is known about that. It counts for
+  /// earlier samples too. Where the axes differ, everything is begun anew, the bias as well.
   void use(const ImuMount& mount);
 
   /// Samples in order of time. Those before the newest that there is are not used, unless time goes back by
   /// more than a second: then everything but the bias is begun anew (a recording may jump).
   void add(std::span<const ImuSample> samples);
 
-  /// Nothing where samples are missing: before the first, across a gap of more than 50 ms, or when the newest
-  /// is older than `to` by more than 20 ms.
+  /// The turn of the camera from one moment to another. Nothing where samples are missing: before the first,
+  /// across a gap of more than 50 ms, or when the newest is older than `to` by more than 20 ms.
   [[nodiscard]] std::optional<CameraTurn> turn(Timestamp from, Timestamp to) const;
-  /// Where up is at a moment of the last two seconds; nothing where that is not known well enough.
+  /// The direction up at a moment of the last two seconds; nothing where that is not known well enough.
   [[nodiscard]] std::optional<UpDirection> up(Timestamp time) const;
 
   /// The camera has turned so, by images that leave no doubt.

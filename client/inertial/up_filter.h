@@ -16,19 +16,19 @@ struct UpFilterOptions {
   double most_sigma = 0.05;           ///< [rad] of a direction that is told
 };
 
-/// Where up is: carried by the gyro, and drawn to what the accelerometer says (a complementary filter), the
-/// slower the more it is shaken. Pure.
+/// Estimates the direction up: the gyro carries it, and it is drawn to what the accelerometer says (a
+/// complementary filter), the slower the more that is shaken. Pure.
 class UpFilter {
  public:
   explicit UpFilter(const UpFilterOptions& options) : options_(options) {}
 
-  /// One sample, `step` [s] after the one before (0: the first): rate of turn without bias, known to
-  /// `rate_sigma` [rad/s], and acceleration, in the camera's axes.
+  /// Takes one sample, `step` [s] after the one before (0: the first): the rate of turn without bias, known
+  /// to `rate_sigma` [rad/s], and the acceleration, in the camera's axes.
   void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
               double rate_sigma);
   void reset() { *this = UpFilter(options_); }
 
-  /// At the newest sample. Nothing before the first, and while its sigma is above 3 degrees.
+  /// The direction at the newest sample. Nothing before the first, and while its sigma is above 3 degrees.
   [[nodiscard]] std::optional<UpDirection> up() const;
 
  private:

@@ -76,7 +76,7 @@ std::vector<const DescribedViews::View*> DescribedViews::nearest(const MapSnapsh
   return out;
 }
 
-/// Of each corner the point that looks most like it in any of the views.
+/// Matches each corner with the point that looks most like it in any of the views.
 std::vector<PointObservation> DescribedViews::match(const PlaceView& frame, const MapSnapshot& map,
                                                     std::span<const View* const> views) const {
   std::vector<Descriptor> corners;

@@ -24,7 +24,7 @@ struct SeenPoint {
   uint8_t level = 0;
 };
 
-/// Where a frame was taken.
+/// The pose from which a frame was taken.
 struct ViewPose {
   KeyframeId reference;
   SE3 camera_from_reference;

@@ -17,7 +17,8 @@ namespace cairn {
 /// The tiny image by which places are compared, by client and server alike.
 [[nodiscard]] TinyImage place_image(const FrameImages& frame);
 
-/// How the camera turned between two place images; not at all where they have nothing in common.
+/// The rotation of the camera between two place images (now_from_then). The identity where they have nothing
+/// in common.
 [[nodiscard]] SE3 turn_between(const TinyImage& then, const TinyImage& now, const Camera& camera);
 
 struct PlaceMemoryOptions {

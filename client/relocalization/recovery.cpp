@@ -254,8 +254,8 @@ bool Recovery::is_looking(bool may_enter) const {
   return is_lost() || as<Turned>() != nullptr;
 }
 
-/// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
-/// first of many.
+/// Whether it is worth asking the server where the camera is: the answer takes its time, and one frame that
+/// fails may be the first of many.
 bool Recovery::is_asking(bool may_enter) const {
   const Tracking* tracking = as<Tracking>();
   return is_looking(may_enter) || (tracking != nullptr && tracking->failed_frames > 0) || lacks_answer();
@@ -276,7 +276,8 @@ bool Recovery::wants(const PoseHypothesis& place, std::optional<MapId> map, bool
   return is_asking(may_enter) && (failed_at_cut || place.map == map);
 }
 
-/// Whether the server knows the camera in another map than the one in which it is verified by its own guess.
+/// Whether the server knows the camera in another map than the one in which the tracker verifies its own
+/// guess.
 bool Recovery::is_contradicted_by(const PoseHypothesis& place, std::optional<MapId> map) const {
   const Verifying* verification = as<Verifying>();
   return verification != nullptr && verification->answer_needed_from &&

@@ -49,8 +49,8 @@ struct Verifying {
   size_t memories_tried = 0;     ///< before this one
   bool lost_at_cut = false;      ///< as Lost::at_cut
   bool is_out_of_reach = false;  ///< of a camera that moves as it did before
-  /// When it began, if the place is the tracker's own guess: that compares with one map only. The server
-  /// compares with all, and its answer about a frame from then on is needed.
+  /// When the verification began, if the place is the tracker's own guess. Such a guess was compared with one
+  /// map only; the server compares with all, and its answer about a frame from then on is needed.
   std::optional<Timestamp> answer_needed_from;
 };
 /// The camera is in the map, most likely, and not known where.
@@ -79,7 +79,8 @@ struct RecoveryOptions {
   float least_quality = 0.13F;       ///< share found of a pose that shows anything
   int fewest_points = 25;            ///< that must be found of a pose that was looked for,
   float verified_quality = 0.4F;     ///< and their share, where nothing else speaks for it
-  /// Their share for a place that geometry or motion speaks for: it may be poorly mapped.
+  /// Share of the points that must be found for a place that geometry or motion speaks for: it may be poorly
+  /// mapped.
   float hypothesis_quality = 0.25F;
   int verification_frames = 3;  ///< [frames] in a row
   double same_place = 0.03;     ///< [depths] a pose may be off and be right
@@ -95,16 +96,16 @@ struct RecoveryOptions {
   VerifiedPathOptions path = {};
 };
 
-/// What was found by searching from it.
+/// The pose that a search found.
 struct FoundPose {
   SE3 camera_from_map;
   int points = 0;     ///< inliers of the pose
   float quality = 0;  ///< share found of those in sight
 };
 
-/// What a tracker knows of whether the camera is lost, and where it may be looked for then: one state, what
-/// it remembers of the maps that it was in, and the relocalization query. It decides nothing about
-/// images: the tracker searches from the poses that it names and reports what came of it. Pure; one thread.
+/// Knows whether the camera is lost, and where it may be looked for then: one state, what it remembers of the
+/// maps that it was in, and the relocalization query. It decides nothing about images: the tracker searches
+/// from the poses that it names and reports what came of it. Pure; one thread.
 class Recovery {
  public:
   Recovery(CameraPtr camera, const RecoveryOptions& options)
@@ -125,7 +126,7 @@ class Recovery {
     return std::get_if<Kind>(&state_);
   }
   [[nodiscard]] bool is_starting() const { return as<Starting>() != nullptr; }
-  /// On a new map, whatever is known of the place.
+  /// Whether the tracker insists on a new map, whatever is known of the place.
   [[nodiscard]] bool insists() const { return is_starting() && as<Starting>()->insists; }
   [[nodiscard]] bool is_lost() const { return as<Lost>() != nullptr; }
 
@@ -138,18 +139,18 @@ class Recovery {
   /// The map of one's own seed, begun at this pose; `is_tracked`: it is that of the present frame, of
   /// `time`.
   void begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp time);
-  /// What a search from `start` had to find was found in the frame of `time`.
+  /// A search from `start` has found what it had to find in the frame of `time`: its verification begins.
   void begin_verifying(const PoseStart& start, Timestamp time);
   /// The frame shows the map from `pose`, with this share found. True when the pose is to be published: at
   /// once while tracking; of one that is verified, when enough frames have confirmed it and the server does
   /// not say otherwise. `is_leap`: it is farther from where it was expected than a hand moves a camera, and
   /// so says nothing of how this camera moves.
   [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time, bool is_leap = false);
-  /// It does not, but how the camera has turned since it was tracked is known.
+  /// The frame does not show the map, but how the camera has turned since it was tracked is known.
   void turn_away();
-  /// It does not; `before` is the frame before, which may have.
+  /// The frame does not show the map; `before` is the frame before, which may have.
   void lose_sight(const FrameImages& before);
-  /// It does not. `is_cut`: it has nothing in common with the frame before.
+  /// The frame does not show the map. `is_cut`: it has nothing in common with the frame before.
   void fail(bool is_cut, Timestamp time);
   /// A frame whose pose was published is good enough to be found again by.
   void remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,
@@ -161,11 +162,12 @@ class Recovery {
   /// known; while it was tracked until now, one frame that fails is tried where others say only. `near_depth`
   /// [map unit] of what is nearest of what was seen last.
   void begin_frame(const MapSnapshot& map, double near_depth, Timestamp time);
-  /// Whether the camera can have got there since it was tracked, as far as is known.
+  /// Whether the camera can have got to this pose since it was tracked, as far as is known.
   [[nodiscard]] bool is_reachable(const SE3& camera_from_map) const {
     return !region_ || region_->contains(camera_from_map);
   }
-  /// Where the camera went on to, turned as that pose is; the pose itself where that is not known.
+  /// The pose of a camera that went on as it did, turned as `camera_from_map` is; `camera_from_map` itself
+  /// where it is not known how it went on.
   [[nodiscard]] SE3 within_reach(const SE3& camera_from_map) const;
   /// The next pose to search `frame` from, in order of what speaks for it, and where the camera can have got
   /// to before where it cannot: where it is if it went on as it did, turned as the `last` pose is; what
@@ -191,14 +193,15 @@ class Recovery {
   /// The frame described, with which way is up in it where that is known, if a query is due; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time, bool may_enter,
                                                      const std::optional<UpDirection>& up = {});
-  /// Its answer; `map` in use, if there is one.
+  /// Takes the answer to the query. `map` in use, if there is one.
   PlaceUse answered(const std::optional<PoseHypothesis>& hypothesis, std::optional<MapId> map,
                     bool may_enter);
   void left_open() { query_.left_open(); }
   [[nodiscard]] const RelocQueryState& query() const { return query_; }
 
  private:
-  /// Of poses, in the order in which they are named; at kRejected it is known that what others say is wrong.
+  /// What speaks for a pose to search from, in the order in which poses are named. At kRejected it is known
+  /// that what others say is wrong.
   enum class Source : uint8_t {
     kContinued,
     kTurned,

@@ -34,17 +34,17 @@ class RelocQueryState {
   /// The frame described, if a query may be made now; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
                                                      const std::optional<UpDirection>& up = {});
-  /// The answer: a hypothesis, or that no place is known. Whether there is one to verify: a place that was
-  /// rejected again and again counts as none.
+  /// Takes the answer: a hypothesis, or that no place is known. Whether there is one to verify: a place that
+  /// was rejected again and again counts as none.
   bool answered(const std::optional<PoseHypothesis>& hypothesis);
-  /// The answer: neither. What was known before holds; the next query may be made.
+  /// The answer says neither. What was known before holds; the next query may be made.
   void left_open() {
     under_way_ = false;
     nobody_answers_ = false;
   }
   /// The place taken last did not show in the frame, or not in the next ones.
   void reject(Timestamp time);
-  /// It did: the camera is where the map says.
+  /// The place taken last did show: the camera is where the map says.
   void verified() {
     taken_.reset();
     hypothesis_.reset();
@@ -53,7 +53,7 @@ class RelocQueryState {
     under_way_ = false;                   // and nobody waits for it any more
   }
   void drop_hypothesis() { hypothesis_.reset(); }
-  /// As new, but for the places rejected: who starts over must not be led to them again.
+  /// Forgets everything but the places rejected: a tracker that starts over must not be led to them again.
   void restart();
 
   /// Whether a hypothesis in this map waits to be verified.
@@ -66,8 +66,8 @@ class RelocQueryState {
   [[nodiscard]] bool took_confirmed() const { return taken_ && taken_->confirmed; }
   /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
   [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
-  /// Whether an image with much to see, asked about since the last verified(), was of no place known: the
-  /// camera is elsewhere. Of a hand before the lens, or of blur, that says nothing.
+  /// Whether the camera is elsewhere: an image with much to see, asked about since the last verified(), was
+  /// of no place known. An answer about a hand before the lens, or about blur, does not say so.
   [[nodiscard]] bool is_elsewhere() const { return is_elsewhere_; }
   /// Whether a query made at `begin` or later has been answered.
   [[nodiscard]] bool is_answered_since(Timestamp begin) const { return answered_ && *answered_ >= begin; }

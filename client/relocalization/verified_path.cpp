@@ -25,8 +25,8 @@ std::optional<size_t> before(Places path, size_t i, double lag) {
   return std::nullopt;
 }
 
-/// Of where the camera is `seconds` on, by its mean velocity over `lag`: the variance that white acceleration
-/// of unit density makes.
+/// Variance that white acceleration of unit density gives to the place of a camera after `seconds`, predicted
+/// by its mean velocity over `lag` [s].
 double variance_of(double seconds, double lag) {
   return seconds * seconds * (seconds + lag) / 3;
 }
@@ -44,7 +44,8 @@ std::optional<double> density_at(Places path, size_t i, double lag) {
   return missed.squaredNorm() / variance_of(seconds, span);
 }
 
-/// What it did just now counts as much as all before: who begins to hurry does so on.
+/// Density of the acceleration along the path. What the camera did just now counts as much as all before: one
+/// that begins to hurry goes on so.
 std::optional<double> density_of(Places path, double lag) {
   const auto newest = density_at(path, 0, lag);
   if (!newest) return std::nullopt;

@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// Where the centre of a camera can be by now.
+/// The region in which the centre of a camera can be by now.
 struct ReachableRegion {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< if it went on as it did, map frame
   double radius = 0;                                 ///< [map unit] about it
@@ -41,16 +41,17 @@ class VerifiedPath {
  public:
   explicit VerifiedPath(const VerifiedPathOptions& options) : options_(options) {}
 
-  /// The next one.
+  /// Adds the pose verified next.
   void add(const AnchoredPose& pose, Timestamp time);
   /// The camera was found again or starts anew: of how it moves, the poses so far say nothing.
   void clear() { count_ = 0; }
 
-  /// Where the camera can be at `time`; nothing where the map is another or the path says too little.
+  /// The region in which the camera can be at `time`; nothing where the map is another or the path says too
+  /// little.
   [[nodiscard]] std::optional<ReachableRegion> reachable(const MapSnapshot& map, Timestamp time) const;
   /// The pose verified last.
   [[nodiscard]] std::optional<SE3> last(const MapSnapshot& map) const;
-  /// Whether it is of a frame of this time.
+  /// Whether the pose verified last is of a frame of this time.
   [[nodiscard]] bool ends_at(Timestamp time) const { return count_ > 0 && entry(0).time == time; }
 
  private:

@@ -112,8 +112,8 @@ void RigCommander::remember(MapId map, const Eigen::Vector3d& direction) {
   if (seen_at_.size() > wire::kMaxFurtherDirections + 1) seen_at_.pop_back();
 }
 
-/// Whether the search that was asked for goes on in spite of this sight, which is kept for later: at the edge
-/// of a map a few points are in sight, and a better view is near.
+/// Whether the search that was asked for goes past this sight, which is kept for later: at the edge of a map
+/// a few points are in sight, and a better view is near.
 bool RigCommander::passes_by(const RigSight& sight, const std::optional<Eigen::Vector3d>& direction) {
   const bool would_do = has_found_enough() || std::holds_alternative<NothingBetter>(found_);
   if (aim_ != RigAim::kSearch || !sight.poor || would_do || !state_ || !direction) return false;

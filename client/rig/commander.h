@@ -23,7 +23,7 @@ namespace cairn {
 enum class RigAim : uint8_t { kNeutral, kFollow, kLock, kFixate, kSearch };
 [[nodiscard]] std::string_view to_string(RigAim aim);
 
-/// What the tracker says of a frame.
+/// The tracker's report on a frame.
 struct RigSight {
   Timestamp time;                         ///< of the frame, by the host's clock
   bool tracked = false;                   ///< its pose is known
@@ -60,15 +60,15 @@ class RigCommander {
   /// The place told of the frame of that time is going to be verified.
   void try_place(Timestamp asked);
 
-  /// What is to be said now, 20 times a second or more; nothing while there is nobody to hear it.
+  /// The order that is to be said now, 20 times a second or more. Nothing while there is nobody to hear it.
   [[nodiscard]] std::optional<wire::RigCommand> command(MonotonicTime now);
-  /// A stop was asked for that was neither said nor obeyed yet.
+  /// Whether a stop was asked for that was neither said nor obeyed yet.
   [[nodiscard]] bool is_urgent() const {
     return stop_asked_ && order_.mode != wire::RigMode::kStop && !(state_ && state_->stopped);
   }
-  /// For a person: what the rig does, or what keeps it from that.
+  /// Says to a person what the rig does, or what keeps it from that.
   [[nodiscard]] std::string describe(MonotonicTime now) const;
-  /// After close(): whether nothing is left to be said.
+  /// Whether nothing is left to be said after close().
   [[nodiscard]] bool is_over() const;
   [[nodiscard]] RigAim aim() const { return aim_; }
   [[nodiscard]] int wants() const { return wants_; }  ///< how often somebody wanted something

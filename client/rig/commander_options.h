@@ -9,9 +9,10 @@ namespace cairn {
 
 /// The times of RigCommander, by the rig's clock.
 struct CommanderOptions {
-  /// Lost for so long, the rig searches: a blurred image or a hand is soon over.
+  /// How long the camera is lost before the rig searches: a blurred image or a hand is soon over.
   std::chrono::milliseconds search_after{300};
-  /// For a place to be verified, from when its image can be taken.
+  /// How long the camera looks at a place that may be it, from the first frame after the place was told, or
+  /// from the latest one in which a pose was being verified.
   std::chrono::milliseconds candidate_time{400};
   std::chrono::milliseconds kept{3000};  ///< for which directions are remembered
   std::chrono::milliseconds near{50};    ///< between stamps of a frame and of a direction
@@ -22,7 +23,7 @@ struct CommanderOptions {
   std::chrono::milliseconds turned{3000};       ///< after homing, to look ahead
 };
 
-/// What an operator may set: all of it.
+/// Lists the options that an operator may set: all of them.
 [[nodiscard]] OptionList list_options(CommanderOptions* options);
 
 }  // namespace cairn

@@ -24,7 +24,8 @@ std::string source_of(const wire::RigCameraClock& clock) {
 
 }  // namespace
 
-/// Where the offset of the clocks is not known, the camera is taken to be stamped by the host's.
+/// Takes a sample of the encoders. While the offset of the clocks is not known, the camera is taken to be
+/// stamped by the host's clock.
 void ImuReceiver::hear_encoders(const wire::RigState& state) {
   if (!state.base_from_camera) return;
   const std::chrono::nanoseconds offset(wire::camera_offset(state).value_or(0));

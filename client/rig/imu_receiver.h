@@ -21,7 +21,8 @@ class ImuReceiver {
     std::string text;  ///< for a person, a sentence that names the rig
     bool is_warning = false;
   };
-  /// Whether the samples are of use, when that has changed. Nothing of a rig that sends none.
+  /// Takes a state of the rig. Returns whether its samples are of use, when that has changed; nothing for a
+  /// rig that sends none.
   std::optional<News> hear(const wire::RigState& state);
 
  private:

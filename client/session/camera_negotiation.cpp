@@ -83,8 +83,8 @@ std::optional<CameraUpdate> CameraNegotiation::use_first_values() {
   return use(std::nullopt, {0, first_, first_focal_sigma_, first_k1_sigma_, false, false});
 }
 
-/// What a map believes so far, the next one would take for what was known before it: the sigma is that of the
-/// beginning until the camera is known.
+/// Takes values into use. While the camera is not known, the sigma stays that of the beginning: the next map
+/// would take what a map believes so far for what was known before it.
 CameraUpdate CameraNegotiation::use(const std::optional<Source>& source, CameraUpdate update) {
   source_ = source;
   ++in_use_.version;

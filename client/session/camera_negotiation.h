@@ -30,36 +30,37 @@ class CameraNegotiation {
 
   /// Whether a revision can be tracked on: the values that it was made with are in use, or there to be used.
   [[nodiscard]] bool has_values_of(const MapSnapshot& map) const;
-  /// Whether the latest word of this map on our camera cannot be.
+  /// Whether the latest values that this map has told of our camera are none that a camera can have.
   [[nodiscard]] bool is_unsound(MapId map) const { return unsound_.contains(map); }
-  /// False: a map made from our seed takes what is merely believed of our camera for exact. Servers from
-  /// before self-calibration do.
+  /// Whether a map made from our seed calibrates our camera itself. False: it takes what is merely believed
+  /// of our camera for exact, as servers from before self-calibration do.
   [[nodiscard]] bool is_self_calibrated_by(const MapSnapshot& own) const;
 
   /// The values that go with this revision, in use from now on; nothing where they are those in use.
   [[nodiscard]] std::optional<CameraUpdate> use_values_of(const MapSnapshot& map);
-  /// Those of the beginning, in use from now on; nothing where they are, or where the camera is known: what a
-  /// map merely believes is not handed on to the next, whose prior would wander from map to map.
+  /// Takes the values of the beginning into use. Nothing where they are in use, or where the camera is known.
+  /// What a map merely believes is not handed on to the next, whose prior would wander from map to map.
   [[nodiscard]] std::optional<CameraUpdate> use_first_values();
 
-  /// As announced from now on.
+  /// The values in use, as the server is told them.
   [[nodiscard]] const wire::CameraMessage& in_use() const { return in_use_; }
   /// The values in use where they are to be announced (again); written() must follow.
   [[nodiscard]] std::optional<wire::CameraMessage> next_announcement();
   void written(bool is_written);
-  /// What was announced is forgotten on the other side, or what could not be written is to be tried again.
+  /// Announces the values again, when the other side has forgotten them. try_again() does so for values that
+  /// could not be written.
   void announce_again();
   void try_again();
   /// Whether the values in use have been announced: before that no command may name them.
   [[nodiscard]] bool is_announced() const { return announcing_ == Announcing::kDone; }
 
  private:
-  /// What a map's self-calibration has found.
+  /// The values that a map's self-calibration has given.
   struct MapEstimate {
     Epoch epoch;
     CameraUpdate update;
   };
-  /// Where values come from.
+  /// The map that values come from, and their version in it.
   struct Source {
     MapId map;
     Epoch epoch;
@@ -70,8 +71,8 @@ class CameraNegotiation {
   static constexpr size_t kEstimatesKept = 8;
 
   [[nodiscard]] const CameraVersion* ours_in(const MapSnapshot& map) const;
-  /// Which values a revision was made with; nothing when those in use are to be kept: it names none of ours,
-  /// or these, or ours are known already (calibrated elsewhere, or exact from the start).
+  /// The values that a revision was made with. Nothing when those in use are to be kept: the revision names
+  /// none of ours, or these, or ours are known already (calibrated elsewhere, or exact from the start).
   [[nodiscard]] std::optional<Source> other_values_of(const MapSnapshot& map) const;
   /// The values that the revision was made with or, where those were overtaken, the next later ones of its
   /// map; null when they are not there yet.
@@ -81,7 +82,7 @@ class CameraNegotiation {
   wire::CameraMessage in_use_;
   enum class Announcing : uint8_t { kDue, kUnderWay, kFailed, kDone } announcing_ = Announcing::kDue;
   const CameraPtr first_;
-  /// How well it was known when the session began: IntrinsicsPrior.
+  /// How well the camera was known when the session began, as in IntrinsicsPrior.
   double first_focal_sigma_ = 0;
   double first_k1_sigma_ = 0;
   std::map<MapId, std::deque<MapEstimate>> found_;

@@ -23,7 +23,8 @@ namespace cairn {
 /// session has and knows stays in SessionCore and ReceiverMemory. Thread-safe.
 class Connection {
  public:
-  /// Where a participant with these options would stand (wire::find_path()), or stands in for it in tests.
+  /// Finds where a participant with these options would stand: wire::find_path(), or what stands in for it in
+  /// tests.
   using FindPath = std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)>;
   /// wire::Participant::create(), or what stands in for it in tests.
   using Join = std::function<Result<wire::Participant>(const wire::ParticipantOptions&)>;
@@ -43,13 +44,14 @@ class Connection {
 
   /// The map in use is another one.
   void map_changed();
-  /// Of all participants so far.
+  /// The traffic of all participants so far.
   [[nodiscard]] wire::Traffic traffic() const;
   [[nodiscard]] wire::NetworkPath path() const;
 
  private:
-  /// In order of construction: the threads go first, the participant last. Where it is left half made, by an
-  /// exception too, its threads are told to end before they are waited for.
+  /// What is made anew with each joining, in order of construction: the threads go first, the participant
+  /// last. Where a link is left half made, by an exception too, its threads are told to end before they are
+  /// waited for.
   struct Link {
     SharedCore& core;
     wire::Participant participant;
@@ -68,7 +70,7 @@ class Connection {
   void watch();
   void look_for_a_way();
   [[nodiscard]] bool is_silent() const;
-  /// Of a secured site: whether its folder has keys that are good for longer than those we joined with.
+  /// Whether the folder of a secured site has keys that are good for longer than those we joined with.
   [[nodiscard]] bool has_newer_keys();
 
   SharedCore& core_;

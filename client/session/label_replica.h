@@ -22,12 +22,13 @@ class LabelReplica {
   void removed(LabelId label);
   /// Nobody writes it any more.
   void orphaned(LabelId label, MonotonicTime now);
-  /// The same of all: who reads from now on will not be told which have gone.
+  /// Nobody writes any of the labels any more: a reader that starts from now on is not told which have gone.
   void orphan_all(MonotonicTime now);
-  /// To be called now and then; `served`: there is a writer of this map's labels.
+  /// Removes labels that the server has not named again in time; call it now and then. `served`: there is a
+  /// writer of this map's labels.
   void update(MonotonicTime now, bool served);
 
-  /// Of an epoch, null without any. The same list until something changes.
+  /// The labels of an epoch, null without any. The same list until something changes.
   [[nodiscard]] const LabelListPtr& list(Epoch epoch);
 
  private:

@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// What a client makes of the server's signs of life: which server it is, whether it is there, which maps it
-/// has. Pure. Used from one thread.
+/// What a client concludes from the server's signs of life: which server it is, whether it is there, which
+/// maps it has. Pure. Used from one thread.
 class LinkMonitor {
  public:
   enum class Event : uint8_t {

@@ -20,15 +20,15 @@ struct RequiredRevision {
   Revision revision;
 };
 
-/// Which of the server's maps a client uses, and the newest whole revisions of those that it used of late:
-/// they go on being received, so that switching back to one takes no time. Pure. One thread.
+/// The server's map that a client uses, and the newest whole revisions of those that it used of late: they go
+/// on being received, so that switching back to one takes no time. Pure. One thread.
 class MapChoice {
  public:
   /// `recent`: so many are received. `only`: the name of the one map to be used; empty: any.
   MapChoice(size_t recent, std::string only) : recent_limit_(recent), only_(std::move(only)) {}
 
   [[nodiscard]] MapId in_use() const { return in_use_; }
-  /// Those to be received, the one chosen last first.
+  /// The maps that are to be received, the one chosen last first.
   [[nodiscard]] const std::deque<MapId>& recent() const { return recent_; }
   [[nodiscard]] bool is_recent(MapId map) const;
   /// Whether the client uses one map only, which it was told by name.
@@ -43,7 +43,8 @@ class MapChoice {
 
   /// A whole revision of a map that is received. True: it is that of the map in use.
   bool swap_in(const MapSnapshotPtr& revision);
-  /// Of the map in use or, until its first revision is there, of the one before; null without any.
+  /// The newest revision of the map in use or, until its first one is there, of the one before; null without
+  /// any.
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
   /// The newest revision of the map in use; null before its first.
   [[nodiscard]] MapSnapshotPtr replica_in_use() const;
@@ -54,7 +55,7 @@ class MapChoice {
   /// A revision is to be waited for, unless a later one of its map is or another map is in use: the server
   /// tells its latest verdict on offers again with each one on a seed, and what that asks for is over.
   void require(const RequiredRevision& wanted);
-  /// Whether what is to be waited for is swapped in.
+  /// Whether the revision that is to be waited for is swapped in.
   [[nodiscard]] bool is_current() const;
 
  private:

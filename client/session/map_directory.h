@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Which maps the server lists, for those who want a certain one. Pure. Used from one thread.
+/// The maps that the server lists, for clients that want a certain one. Pure. Used from one thread.
 class MapDirectory {
  public:
   void listed(MapId map, const std::string& name) {

@@ -20,7 +20,7 @@
 
 namespace cairn {
 
-/// What a receiver has made of what came, for the next one when a session joins anew.
+/// The copies of maps that a receiver has made, kept for the next one when a session joins anew.
 struct ReceiverMemory {
   struct MapCopy {
     explicit MapCopy(MapId map) : replica(map) {}
@@ -76,7 +76,7 @@ class Receiver {
   void take_server_messages();
   void take_map_messages(MapChannel& channel, ReceiverMemory::MapCopy& copy);
   void take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy);
-  /// What came on a topic of the server's is an event of the core.
+  /// Hands what came on one of the server's topics to the core, as its events.
   template <typename Message>
   void pass_on(wire::Reader<Message>& reader);
 

@@ -38,7 +38,7 @@ class Replica {
   /// snapshot() changed.
   bool update(MonotonicTime now);
 
-  /// When update() should be called though nothing came; nothing when there is no need.
+  /// When update() should be called even if nothing comes; nothing when there is no need.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const { return deadline_; }
 
   /// The newest whole revision; null before the first.

@@ -47,7 +47,7 @@ class Session {
   /// Forgets the map in use, e.g. to begin another, the seed and the query under way and their answers.
   void leave_map();
 
-  /// As far as the server has said what we may do in the map.
+  /// The use of keyframes that are offered to a map, as far as the server has said what we may do in it.
   [[nodiscard]] KeyframeUse keyframe_use(MapId map) const;
 
   void send_seed(SeedProposal proposal);

@@ -132,7 +132,7 @@ void SessionCore::act_on(LinkMonitor::Event event) {
   actions_.look_what_to_send = actions_.look_what_changed = true;
 }
 
-/// With a server that knows nothing of us.
+/// Begins a new session, with a server that knows nothing of us.
 void SessionCore::begin_anew() {
   restarted_ = true;
   session_ = new_session_();

@@ -28,7 +28,7 @@ class SessionCore {
   /// `new_session`: never gives 0, and another id at each call.
   SessionCore(SessionOptions options, const CameraPtr& camera, std::function<SessionId()> new_session);
 
-  /// What events so far ask of who runs the core.
+  /// What the events so far ask of the code that runs the core.
   struct Actions {
     struct Notice {
       enum class Level : uint8_t { kDebug, kInfo, kWarning } level;
@@ -60,7 +60,7 @@ class SessionCore {
 
   // What the server says.
   void take(const wire::ServerStatus& status);
-  /// Whether the server is there, as the middleware sees it.
+  /// The server is there, or has gone, as the middleware sees it.
   void take_presence(bool is_alive);
   void take(const wire::MapInfo& listed);
   void take_unlisted(MapId map);
@@ -89,11 +89,12 @@ class SessionCore {
   };
   using Outgoing = std::variant<wire::CameraMessage, wire::TrackerStateMessage, QuerySlot::Sendable,
                                 SeedSlot::Sendable, Offer, RequestSpool::Sendable>;
-  /// The next, counted as sent; nothing is to be sent now. A camera must then be told to written().
+  /// The next message to send, which counts as sent; nothing: none is to be sent now. After a camera,
+  /// written() must follow.
   [[nodiscard]] std::optional<Outgoing> next(MonotonicTime now, const Readers& readers);
   /// When next() is to be asked again, if nothing happens before.
   [[nodiscard]] MonotonicTime next_due() const;
-  /// Whether the camera could be written. Commands wait for that, since they name it.
+  /// The camera could be written, or could not. Commands wait for that, since they name it.
   void written(bool is_written) { camera_.written(is_written); }
   /// The session joins anew: what was announced to the middleware is forgotten.
   void joined_anew() { camera_.announce_again(); }
@@ -102,7 +103,7 @@ class SessionCore {
   [[nodiscard]] ClientId client() const { return tracker_.client; }
   [[nodiscard]] const MapChoice& maps() const { return maps_; }
   [[nodiscard]] ServerLink link() const { return monitor_.link(); }
-  /// All but what the participant has sent and received.
+  /// The status, without what the participant has sent and received.
   [[nodiscard]] SessionStatus status() const;
   /// The server has said that it serves this process.
   [[nodiscard]] bool is_name_held() const { return name_held_; }
@@ -112,7 +113,7 @@ class SessionCore {
   [[nodiscard]] KeyframeUse keyframe_use(MapId map) const;
   /// Whether the server in sight knows the map in use (or there is none).
   [[nodiscard]] bool is_map_known() const;
-  /// Nothing is undecided or unanswered, and the revision that the last decision named is swapped in.
+  /// Whether nothing is undecided or unanswered, and the revision that the last decision named is swapped in.
   [[nodiscard]] bool is_settled() const;
 
  private:
@@ -154,7 +155,7 @@ class SessionCore {
   MapChoice maps_;
   MapId own_map_;  ///< made from our seed, before its first revision; none: there is nothing to expect
 
-  /// What the server says of a map.
+  /// The server's terms for a map.
   struct MapTerms {
     wire::MapRight right = wire::MapRight::kWrite;
     bool takes_proposals = false;

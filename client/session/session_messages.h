@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// What all commands of a session say.
+/// The part that all commands of a session share.
 struct CommandHeader {
   ClientId client;
   bool lockstep = false;

@@ -14,7 +14,7 @@
 #include "common/map/ids.h"
 #include "common/wire/participant.h"
 
-/// What a session is opened with, and what it says to the frame loop.
+/// Options of a session, and the values in which it speaks to the frame loop.
 namespace cairn {
 
 struct SessionOptions {
@@ -31,19 +31,19 @@ struct SessionOptions {
   bool reads_only = false;   ///< asks for no change of a map
   bool proposes = true;      ///< lets the server keep keyframes aside where they are no part of a map
   std::string only_map;      ///< the name of the one map to be used; empty: any
-  /// Of each value of the camera's parameters: it is calibrated by the maps that it helps to make. Empty:
-  /// exact.
+  /// The sigma of each value of the camera's parameters, which is calibrated by the maps that it helps to
+  /// make. Empty: the values are exact.
   std::vector<double> prior_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
-  /// In tests: how the way to a silent server is looked up; empty: wire::find_path().
+  /// Looks the way to a silent server up in tests; empty: wire::find_path().
   std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)> find_path;
-  /// In tests: how the domain is joined; empty: wire::Participant::create().
+  /// Joins the domain in tests; empty: wire::Participant::create().
   std::function<Result<wire::Participant>(const wire::ParticipantOptions&)> join;
 };
 
 enum class ServerLink : uint8_t { kConnecting, kConnected, kGone, kRestarted, kRefused };
 
-/// What the session has to say to a person, for the status line.
+/// The session's news for a person, for the status line.
 struct SessionStatus {
   ServerLink link = ServerLink::kConnecting;
   /// "connected to ...", "server gone: tracking on the replica", "server restarted without this map", or why
@@ -56,7 +56,7 @@ struct SessionStatus {
   uint64_t bytes_received = 0;
 };
 
-/// What self-calibration in the server's maps says of our camera.
+/// The values that self-calibration in the server's maps gives our camera.
 struct CameraUpdate {
   uint32_t version = 0;
   CameraPtr camera;
@@ -85,7 +85,7 @@ struct OfferReply {
   bool kept_aside = false;   ///< not accepted, but kept for the operator, as the reason says
 };
 
-/// What becomes of a keyframe that is offered to a map.
+/// The use that is made of a keyframe which is offered to a map.
 enum class KeyframeUse : uint8_t {
   kNothing,   ///< none is to be offered
   kProposal,  ///< it is kept aside for an operator

@@ -35,7 +35,7 @@ class SharedCore {
       return result;
     }
   }
-  /// What `look(core)` finds.
+  /// Returns what `look(core)` returns, with the core locked.
   template <typename Look>
   auto look(Look&& look) const {
     const std::scoped_lock lock(mutex_);

@@ -49,7 +49,7 @@ struct OfferTopic {
   [[nodiscard]] static Reply reply(const Item& item, uint64_t seq, bool done, std::string reason);
   [[nodiscard]] static Reply reply(const Item& item, const wire::OfferOutcome& outcome);
 };
-/// What people ask for in a CommandSpool.
+/// The topic of people's requests, for a CommandSpool.
 struct RequestTopic {
   using Item = wire::ClientRequest;  ///< but for client and command
   using Verdict = wire::ClientReply;
@@ -138,7 +138,7 @@ class CommandSlot {
     return Sendable{{session_, seq_}, item_};
   }
 
-  /// Whether the decision (a verdict, an answer) is on the command under way, which it then ends.
+  /// Takes a decision (a verdict, an answer). Whether it is on the command under way, which it then ends.
   template <typename Decision>
   [[nodiscard]] bool apply(const Decision& decision) {
     if (item_ == nullptr || decision.command != wire::CommandId{session_, seq_}) return false;

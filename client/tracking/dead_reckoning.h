@@ -24,19 +24,19 @@ struct DeadReckoningOptions {
   float same_turn = 0.9F;      ///< correlation of small images that say so
 };
 
-/// Where a camera is while its map is out of sight: by the corners that it followed when it knew where it
-/// was (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and for a few frames by the turn alone that the
+/// Tells where a camera is while its map is out of sight: by the corners that it followed when it knew where
+/// it was (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and for a few frames by the turn alone that the
 /// gyro or the small images tell. Errors add up, so how long it is believed is bounded. Pure; one thread.
 class DeadReckoning {
  public:
-  /// The corners are followed for longer than they are needed here: the owner's.
+  /// `corners` are followed for longer than they are needed here: their owner keeps them.
   DeadReckoning(ProvisionalPoints* corners, const DeadReckoningOptions& options,
                 const PoseJudgementOptions& judgement)
       : corners_(*corners), options_(options), judgement_(judgement) {}
 
   /// The map was seen, or is another.
   void seen() { frames_ = blind_frames_ = 0; }
-  /// It has gone on for as long as it may.
+  /// Whether dead reckoning has gone on for as long as it may.
   [[nodiscard]] bool is_over() const { return frames_ >= options_.rotation_held; }
 
   /// [map unit] of what the camera looked at when the map was seen last.
@@ -48,17 +48,18 @@ class DeadReckoning {
     SE3 camera_from_map;
     bool is_position_known = false;  ///< else only the rotation is
   };
-  /// By the corners found again in the frame and by `map_points`, those of the map that were found where it
-  /// looks. Nothing where they do not say how it turned.
+  /// The pose by the corners found again in the frame and by `map_points`, those of the map that were found
+  /// where it looks. Nothing where they do not say how the camera turned.
   [[nodiscard]] std::optional<Reckoned> by_corners(const FrameImages& now, const SE3& expected,
                                                    std::span<const VisiblePoint> map_points,
                                                    const Depths& depths, const MapSnapshot& map);
 
-  /// A turn by the gyro alone, from a pose reckoned before or measured; `sigma` [rad], and over the depth.
+  /// Goes on to `camera_from_map`, which follows from a pose reckoned before or measured by the gyro's turn
+  /// alone. `sigma` of the turn [rad], and over the depth.
   void follow_turn(const FrameImages& now, const SE3& camera_from_map, double sigma, double mean_depth,
                    const MapSnapshot& map);
-  /// The same by the small images, whose likeness, the motion undone, is `likeness`. False when they may not
-  /// be believed any longer.
+  /// Goes on likewise by the small images' turn. `likeness` is how alike they are, the motion undone. False
+  /// when they may not be believed any longer.
   [[nodiscard]] bool follow_small_images(const FrameImages& now, const SE3& camera_from_map, float likeness,
                                          double mean_depth, const MapSnapshot& map);
 

@@ -9,14 +9,14 @@
 namespace cairn {
 namespace {
 
-/// What a pose must show.
+/// The least that a pose must show.
 struct Demand {
   int found = 0;
   float quality = 0;
   bool suffices = false;  ///< who meets it is not bad, whatever the share says
 };
 
-/// Of a place where the camera can have got to.
+/// The share that a pose must show where the camera can have got to, after a frame that showed `quality`.
 float kept_quality(float quality, const TrackerOptions& options) {
   return std::clamp(options.evidence.quality_kept * quality, options.lost_quality,
                     options.recovery.verified_quality);
@@ -48,9 +48,9 @@ Demand demand_of(PoseOrigin origin, const RecoveryState& state, const TrackerOpt
   return {options.recovery.fewest_points, options.recovery.verified_quality};
 }
 
-/// What leaves the image is tracked on its last points, all of them to one side, and with these the pose
-/// runs away before it is lost. A frame that shows something else than the one before is none to be half
-/// found.
+/// Whether the frame can well be poor. A map that leaves the image is tracked on its last points, all of them
+/// to one side, and with these the pose runs away before it is lost. A frame that shows something else than
+/// the one before is none to be half found.
 bool is_poor_for_a_reason(const FrameEvidence& evidence, const EvidenceOptions& options) {
   return !evidence.is_cut && !(evidence.is_leap && evidence.found < options.enough_points);
 }

@@ -19,14 +19,14 @@ struct EvidenceOptions {
   int enough_points = 50;  ///< found, with which a pose is sound although most of the map is out of sight
 };
 
-/// What speaks for the pose from which a frame was searched.
+/// The reason to search a frame from a pose.
 enum class PoseOrigin : uint8_t {
   kMotion,   ///< velocity and the small image
   kFlow,     ///< points of the frame before, followed: these know no look-alikes
   kCorners,  ///< corners recognized around the last pose
 };
 
-/// What a search of a frame found.
+/// The result of a search of a frame, as far as it tells whether to believe the pose.
 struct FrameEvidence {
   bool has_pose = false;
   PoseVerdict share = PoseVerdict::kBad;  ///< by the share found alone (PoseFinder::judge)
@@ -40,8 +40,8 @@ struct FrameEvidence {
 [[nodiscard]] PoseVerdict judge_frame(const FrameEvidence& evidence, PoseOrigin origin,
                                       const RecoveryState& state, const TrackerOptions& options);
 
-/// Whether the pose is good enough to be built upon. Many points do where most of the map is out of sight;
-/// but of a place that looks like this one some are found, too.
+/// Whether the pose is good enough to be built upon. Many points are enough where most of the map is out of
+/// sight, though in a place that looks like this one some are found, too.
 [[nodiscard]] bool is_sound(const FrameEvidence& evidence, PoseVerdict verdict,
                             const TrackerOptions& options);
 

@@ -22,8 +22,9 @@ struct FlowPriorOptions {
   PatchFlowOptions patches;
 };
 
-/// Where the camera is in a frame by the points of the frame before, each followed from image to image: for
-/// when a search from where the velocity and the small image expect it fails. Pure; one thread.
+/// Finds the camera in a frame by the points of the frame before, each followed from image to image. It
+/// serves when a search from where the velocity and the small image expect the camera fails. Pure; one
+/// thread.
 class FlowPrior {
  public:
   /// `seed` of random choices.
@@ -34,7 +35,7 @@ class FlowPrior {
   void use_camera(CameraPtr camera) { camera_ = std::move(camera); }
   /// The frame was tracked, and showed these points.
   void tracked(const std::vector<VisiblePoint>& points);
-  /// It was not: there is nothing to be followed into the next.
+  /// The frame was not tracked: there is nothing to be followed into the next.
   void missed() { seen_.clear(); }
   /// The points that the latest frame showed.
   [[nodiscard]] std::span<const SeenPoint> seen() const { return seen_; }

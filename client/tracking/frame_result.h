@@ -17,7 +17,7 @@
 #include "common/map/ids.h"
 #include "common/map/observations.h"
 
-/// What a tracker says of a frame, what it proposes to the server, and what that answers.
+/// What a tracker says about a frame, what it proposes to the server, and what that answers.
 namespace cairn {
 
 /// Two frames and the trails between them that look like a map: to be sent as MapSeed.
@@ -57,7 +57,7 @@ struct SeedAnswer {
   std::vector<std::pair<TrailId, PointId>> points;
 };
 
-/// For the overlay: where a point was expected or a trail is, and whether it was found.
+/// A map point for the overlay: where it was expected, and whether it was found.
 struct TrackedPoint {
   PointId id;
   uint8_t level = 0;
@@ -69,7 +69,7 @@ struct TrailLine {
   Eigen::Vector2f now = Eigen::Vector2f::Zero();
 };
 
-/// What a frame had of the camera's IMU.
+/// The use that was made of the camera's IMU in a frame.
 enum class ImuUse : uint8_t {
   kNone,         ///< there is none
   kUsed,         ///< how the camera turned since the frame before
@@ -80,8 +80,8 @@ enum class ImuUse : uint8_t {
 struct FrameResult {
   TrackingState state = TrackingState::kStarting;
   bool pose_measured = false;  ///< the pose comes from points measured in this frame
-  /// It was measured, but found by looking for it, and has still to hold in the next frames: for statistics,
-  /// not to be shown.
+  /// The pose was measured, but found by looking for it, and has still to hold in the next frames. It is for
+  /// statistics, not to be shown.
   bool verifying = false;
   SE3 camera_from_map;
   MapId map;

@@ -26,9 +26,9 @@ struct FrustumOptions {
   float nearest = 1e-3F;  ///< [map unit] in front of the camera; that of the point search
 };
 
-/// What a camera may see, whatever its model: for each edge of the image the cone n^T p >= m |p| about the
-/// plane through that edge, m low enough to hold the edge as the lens bends it. Holds every point that
-/// projects into the image, and few others. Immutable.
+/// The space that a camera may see, whatever its model: for each edge of the image the cone n^T p >= m |p|
+/// about the plane through that edge, m low enough to hold the edge as the lens bends it. Holds every point
+/// that projects into the image, and few others. Immutable.
 class Frustum {
  public:
   explicit Frustum(const Camera& camera, const FrustumOptions& options);
@@ -41,7 +41,7 @@ class Frustum {
   [[nodiscard]] const FrustumOptions& options() const { return options_; }
   [[nodiscard]] float extra_cosine() const { return extra_cosine_; }  ///< of FrustumOptions::extra_angle
   [[nodiscard]] float extra_sine() const { return extra_sine_; }
-  /// Whether a sphere (camera frame, any unit) reaches into it.
+  /// Whether a sphere (camera frame, any unit) may reach into the frustum.
   [[nodiscard]] bool may_hold(const Eigen::Vector3f& center, float radius) const;
 
  private:

@@ -18,8 +18,8 @@ struct GyroPriorOptions {
   EncoderTurnOptions encoders;
 };
 
-/// How the camera turned since the frame before, by the gyro that is fixed to it or else by the encoders of
-/// the rig that carries it, and for how long the gyro alone may be relied on. Pure; one thread.
+/// Tells how the camera turned since the frame before, by the gyro that is fixed to it or else by the
+/// encoders of the rig that carries it, and for how long the gyro alone may be relied on. Pure; one thread.
 class GyroPrior {
  public:
   explicit GyroPrior(const GyroPriorOptions& options) : options_(options), encoders_(options.encoders) {}
@@ -40,21 +40,22 @@ class GyroPrior {
 
   /// A frame begins.
   void next_frame(Timestamp time);
-  /// Since the frame before: by the gyro, or where it has no samples by the encoders of a rig. Nothing where
-  /// there are neither, and while the gyro contradicts the images.
+  /// The camera's turn since the frame before (now from before): by the gyro, or where it has no samples by
+  /// the encoders of a rig. Nothing where there are neither, and while the gyro contradicts the images.
   [[nodiscard]] const std::optional<SE3>& turn() const { return turn_; }
-  /// Whether the gyro told it, and not the encoders of a rig, which know nothing of who carries the rig.
+  /// Whether the gyro told turn(), and not the encoders of a rig, which know nothing of who carries the rig.
   [[nodiscard]] bool is_by_gyro() const { return turn_sigma_.has_value(); }
   [[nodiscard]] ImuUse use() const;
-  /// Where up is in this frame; nothing where that is not known.
+  /// The direction up in this frame; nothing where that is not known.
   [[nodiscard]] std::optional<UpDirection> up() const;
 
   /// The frame was tracked well, and the camera moved so since it was tracked last.
   void tracked(const SE3& now_from_before);
   /// The frame was tracked, or its bearings were followed.
   void seen() { blind_sigma_ = 0; }
-  /// Nothing in this frame says how the camera turned but the gyro. False when some sigma of its errors,
-  /// which add up, are more than `reach` [rad], what a search about it can make good.
+  /// Whether the gyro alone may say how the camera turned in this frame, in which nothing else does. False
+  /// when some sigma of its errors, which add up, are more than `reach` [rad], what a search about it can
+  /// make good.
   [[nodiscard]] bool carries(double reach);
   /// [rad], per axis: of the turns that the gyro alone has told since something was seen.
   [[nodiscard]] double blind_sigma() const { return blind_sigma_; }

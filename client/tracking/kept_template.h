@@ -21,7 +21,8 @@ struct KeptTemplateOptions {
 /// The template of a point, kept from frame to frame while it looks the same.
 class KeptTemplate {
  public:
-  /// As a frame shows the patch that it smears by `smear` [px of level 0]. Null where it can not be searched.
+  /// The template as a frame shows a patch that it smears by `smear` [px of level 0]. Null where it cannot be
+  /// searched. Valid until the next call.
   [[nodiscard]] const PatchTemplate* of(const SourcePatch& source, const Warp& level0_from_source, int level,
                                         const Eigen::Vector2f& smear, const KeptTemplateOptions& options);
 
@@ -32,8 +33,8 @@ class KeptTemplate {
   bool valid_ = false;
 };
 
-/// Where a frame shows what resembles the template best within `radius` of `center` [px of its level], to
-/// sub-pixel: at the corners; on coarse levels at every pixel where a smear has left no corners.
+/// The place in a frame that resembles the template best within `radius` of `center` [px of its level], to
+/// sub-pixel. It is sought at the corners; on coarse levels at every pixel where a smear has left no corners.
 [[nodiscard]] std::optional<Eigen::Vector2f> look_around(const PatchTemplate& patch, const FrameImages& frame,
                                                          const Eigen::Vector2f& center, float radius,
                                                          int iterations, const KeptTemplateOptions& options);

@@ -8,23 +8,25 @@ namespace cairn {
 
 struct KeyframePolicyOptions {
   int frames_between = 20;  ///< [frames] between two offers (PTAM r114)
-  /// Of these frames, far beyond the distance: a camera that moves fast would run out of its map.
+  /// Least share of `frames_between` that must pass; it is enough far beyond the distance, for a camera that
+  /// moves fast would run out of its map.
   double shortest_wait = 0.1;
   double distance = 0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  /// Of the points found at best since the last offer, which the server may refuse: below, one is needed soon
-  /// if the frame shows what the map does not know.
+  /// Share of the most points found in a frame since the last offer, which the server may refuse. Below, a
+  /// keyframe is needed soon if the frame shows what the map does not know.
   float running_out = 0.9F;
   float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
   double need_distance = 0.1;  ///< of `distance`, which is enough then
-  /// Of the corners that tell what the map does not know (map_growth).
+  /// The corners that tell what the map does not know (map_growth): their level, least FAST score and least
+  /// texture.
   int area_level = 1;          ///< as the server's own
   int area_barrier = 10;       ///< [grey levels] of FAST's score (PTAM r114)
   float area_texture = 70.0F;  ///< Shi-Tomasi's measure (PTAM r114)
 };
 
-/// When a frame is worth offering as a keyframe: far enough from those of the map, not too soon
-/// after the last, sooner where the map runs out under the camera. Pure; one thread.
+/// Decides when a frame is worth offering as a keyframe: far enough from those of the map, not too soon after
+/// the last, sooner where the map runs out under the camera. Pure; one thread.
 class KeyframePolicy {
  public:
   explicit KeyframePolicy(const KeyframePolicyOptions& options) : options_(options) {}

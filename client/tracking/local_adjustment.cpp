@@ -141,7 +141,8 @@ class LocalMap::Adjustment {
     }
   }
 
-  /// Where neither an older keyframe nor the server's map does it, the oldest of the moving stays.
+  /// Keeps the problem from floating: where neither an older keyframe nor the server's map holds it, the
+  /// oldest of the moving keyframes stays.
   void hold_somewhere(size_t moving) {
     const auto held = std::count(problem_.fixed_points.begin(), problem_.fixed_points.end(), true);
     if (moving > 0 && moving == views_.size() && held < map_->options_.fewest_fixed_points)

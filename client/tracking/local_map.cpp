@@ -56,7 +56,7 @@ std::pair<double, double> extents(const MapSnapshot& one, const MapSnapshot& oth
   return {extent(in_one), extent(in_other)};
 }
 
-/// Whether an epoch goes on with the other's lengths.
+/// Whether lengths mean the same in two epochs of a map.
 bool has_same_scale(const MapSnapshot& before, const MapSnapshot& now, double tolerance) {
   const auto [was, is] = extents(before, now);
   return was > 0 && std::abs(is / was - 1) < tolerance;
@@ -144,7 +144,7 @@ void LocalMap::add_points(const SE3& camera_from_map, std::span<const LocalPoint
   }
 }
 
-/// Those seen longest ago go first; the keyframe stays, others hang on it.
+/// Drops the points of the oldest keyframes first. The keyframes stay, since others hang on them.
 void LocalMap::drop_points_beyond_limit() {
   size_t count = point_count();
   for (Keyframe& k : keyframes_) {
@@ -164,7 +164,7 @@ void LocalMap::answered(uint64_t number, std::optional<KeyframeId> keyframe) {
   if (!k->counts) drop(static_cast<size_t>(k - keyframes_.data()));
 }
 
-/// What hung on it hangs on what it has become, or on what it hung on.
+/// Drops a keyframe. What hung on it hangs on the keyframe that it has become, or on the one that it hung on.
 void LocalMap::drop(size_t i) {
   const Keyframe gone = std::move(keyframes_[i]);
   keyframes_.erase(keyframes_.begin() + static_cast<ptrdiff_t>(i));
@@ -194,7 +194,7 @@ void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
   }
 }
 
-/// Where they are in this revision. What hangs on nothing that is left is left out.
+/// Sets the poses of the keyframes in this revision. A keyframe that hangs on nothing that is left has none.
 void LocalMap::aim(const MapSnapshot& map) {
   for (Keyframe& k : keyframes_) {
     const KeyframePose* became = k.became ? map.find(k.became) : nullptr;

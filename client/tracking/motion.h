@@ -35,7 +35,7 @@ class MotionModel {
 
   /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
-  /// The same with a turn that is known (of the camera, now from before) and not foretold.
+  /// The same with the camera's turn (now from before) known and not predicted.
   [[nodiscard]] SE3 predicted_step(Timestamp time, const SE3& turn) const;
   /// Whether the camera is farther from where it was predicted to be at `time` than a hand can have moved it
   /// since the last pose. `near_depth` [map unit] of what is nearest of what it looks at.
@@ -53,7 +53,7 @@ class MotionModel {
   void rebase(const SE3& camera_from_map) { last_ = camera_from_map; }
 
   [[nodiscard]] const SE3& last() const { return last_; }
-  /// Tangent per second, camera frame: (m/s, rad/s).
+  /// Tangent per second, camera frame: (map unit/s, rad/s).
   [[nodiscard]] const Vector6d& velocity() const { return velocity_; }
 
  private:

@@ -16,16 +16,16 @@ struct PatchFlowOptions {
   int iterations = 8;           ///< of an alignment
 };
 
-/// Where what `previous` shows at a pixel lies in `now`, looked for from `expected`, both level-0 px. Level
-/// by level from coarse to fine, each bringing the next near enough, with a check that the way back ends
-/// where it began. Noise and blur may leave nothing to align at level 0; then the place is that of level 1,
-/// good to half a pixel. Nothing where it is found at neither.
+/// The place in `now` of what `previous` shows at `from`, looked for around `expected`, all in level-0 px. It
+/// is followed level by level from coarse to fine, each bringing the next near enough, with a check that the
+/// way back ends where it began. Noise and blur may leave nothing to align at level 0; then the place is that
+/// of level 1, good to half a pixel. Nothing where it is found at neither.
 [[nodiscard]] std::optional<Eigen::Vector2f> follow_patch(const FrameImages& previous, const FrameImages& now,
                                                           const Eigen::Vector2f& from,
                                                           const Eigen::Vector2f& expected,
                                                           const PatchFlowOptions& options);
 
-/// Where a level-0 pixel of an image goes that moves as its small image does.
+/// The place to which a level-0 pixel of an image goes if it moves as the small image does.
 [[nodiscard]] Eigen::Vector2f moved_by(const TinyMotion& motion, const Eigen::Vector2f& pixel,
                                        const GrayImage& image);
 

@@ -29,7 +29,7 @@ struct VisiblePoint {
   float depth = 0;  ///< along the optical axis [map unit]
 };
 
-/// By what a point is looked for where an alignment reaches as far; beyond, it is corners.
+/// The means by which a point is looked for where an alignment reaches as far; beyond, it is always corners.
 enum class SearchBy : uint8_t {
   kAlignment,
   kCorners,  ///< after kAlignment has failed: nothing is tried again
@@ -61,8 +61,8 @@ class PointSearch {
   /// Other values of the same camera, from now on.
   void use_camera(CameraPtr camera);
 
-  /// From now on this revision. Templates survive revisions of one epoch: what patches show never changes in
-  /// it, and one whose rays were aimed anew is warped anew.
+  /// Sets the revision that is searched from now on. Templates survive revisions of one epoch: what patches
+  /// show never changes in it, and one whose rays were aimed anew is warped anew.
   void use_map(const MapSnapshotPtr& map);
 
   /// Live points that project into the image at a scale their patch allows and from a side and distance they
@@ -89,7 +89,7 @@ class PointSearch {
   };
 
   void collect_candidates(const SE3& camera_from_map);
-  /// False when it is out of view, or at a scale that its patch does not allow.
+  /// Projects a point. False when it is out of view, or at a scale that its patch does not allow.
   [[nodiscard]] bool project(PointSlot slot, const SE3& camera_from_map, const Eigen::Matrix3d& rotation,
                              VisiblePoint* out) const;
   [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point, const Smear& smear);

@@ -189,14 +189,15 @@ void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEf
   mark_hidden();
 }
 
-/// Where no pose is believed, nothing agrees with it.
+/// Marks all points as not found: where no pose is believed, nothing agrees with it.
 void PoseFinder::forget_found() {
   for (VisiblePoint& p : seen_.points) p.found = false;
   seen_.found = 0;
   seen_.rms = 0;
 }
 
-/// What PTAM lacks, and what makes its quality collapse in maps of more than one side of things.
+/// Marks points that are hidden by nearer ones. PTAM lacks this, and its quality collapses in maps of more
+/// than one side of things.
 void PoseFinder::mark_hidden() {
   order_.clear();
   for (const VisiblePoint& p : seen_.points) {

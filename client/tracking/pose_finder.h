@@ -29,9 +29,9 @@ struct PoseFinderOptions {
   int coarse_level = 2;
   int coarse_available = 20;  ///< points: fewer and the coarse stage is left out (PTAM r114)
   int coarse_found = 12;      ///< points: fewer and its pose is not believed (PTAM: 20 of 60)
-  /// Of the points searched. Corners find a few points in a hundred that alignment does not, for a quarter of
-  /// the frame's time: they are asked where alignment finds less, as in blur and where the coarse pose is
-  /// off.
+  /// Share of the points searched that alignment must find for corners not to be asked. Corners find a few
+  /// points in a hundred that alignment does not, for a quarter of the frame's time: they are asked where
+  /// alignment finds less, as in blur and where the coarse pose is off.
   float enough_aligned = 0.4F;
   int refine_iterations = 8;  ///< of an alignment (PTAM r114)
   int large_attempted = 10;  ///< points of the coarse levels: with fewer their share says nothing (PTAM r114)
@@ -39,15 +39,15 @@ struct PoseFinderOptions {
   float least_quality = 0.1F;  ///< so few of those in sight agree by chance, whatever the top levels say
   /// [sigma^2] Tukey's cut-off, at least: sub-pixel matches at level 0 are good to 0.3 px.
   double min_squared_cutoff = 1.0;
-  /// [sigma^2] At most. Where half of the matches are false (stripes, tiles, blur), their median is no
-  /// measure of the noise, and a cut-off from it lets them bend the pose by centimetres. A map that does not
-  /// fit so well is tracked by the second attempt, which has no ceiling.
+  /// [sigma^2] Tukey's cut-off, at most. Where half of the matches are false (stripes, tiles, blur), their
+  /// median is no measure of the noise, and a cut-off from it lets them bend the pose by centimetres. A map
+  /// that does not fit so well is tracked by the second attempt, which has no ceiling.
   double max_squared_cutoff = 9.0;
   /// [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt
   /// found by more than 5 was 5 to 40 cm off.
   double most_rms = 3.0;
-  /// Of the quality of the frame before: what is found grows less as things leave the image and blur comes,
-  /// but not by so much from one frame to the next.
+  /// Least share of the quality of the frame before that is expected of a frame: what is found grows less as
+  /// things leave the image and blur comes, but not by so much from one frame to the next.
   float least_of_quality_expected = 0.7F;
   float widen = 2.0F;  ///< factor of the second attempt's radius and points (PTAM r114)
   /// A point this many times as deep as points found beside it stands behind the thing they are on. Across
@@ -67,8 +67,8 @@ struct SearchEffort {
   /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
   float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
-  /// Where its coarse stage does not lead to a good pose, or to much less than the quality expected, looks
-  /// again without one and takes the better.
+  /// Whether the search looks again without the coarse stage, and takes the better result, where that stage
+  /// does not lead to a good pose, or to much less than the quality expected.
   bool doubts_coarse = false;
   float expected_quality = 0;  ///< that of the frame before; 0: unknown
 };
@@ -78,13 +78,14 @@ struct SearchEffort {
 
 enum class PoseVerdict : uint8_t { kGood, kPoor, kBad };
 
-/// The pose of a frame in a map from a rough one: the coarse and the fine stage of PTAM 2007, section 5.5.
-/// What is said after locate() is of its latest call. Memory is reused from frame to frame. One thread.
+/// Finds the pose of a frame in a map from a rough one: the coarse and the fine stage of PTAM 2007, section
+/// 5.5. All that it tells after locate() is about the latest call. Memory is reused from frame to frame. One
+/// thread.
 class PoseFinder {
  public:
   PoseFinder(CameraPtr camera, const TrackerOptions& options);
 
-  /// From now on this revision.
+  /// Sets the revision that is searched from now on.
   void use_map(const MapSnapshotPtr& map) { search_.use_map(map); }
   /// Other values of the same camera, from now on.
   void use_camera(const CameraPtr& camera) {
@@ -109,18 +110,18 @@ class PoseFinder {
   [[nodiscard]] double rms() const {
     return seen_.rms;
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
-  /// Of the pose fitted last, left tangent, for sigmas of 2^level px.
+  /// Covariance of the pose fitted last, left tangent, for sigmas of 2^level px.
   [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
-  /// [map unit] of the points found; nothing without any.
+  /// Mean depth of the points found [map unit]; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
-  /// [map unit] that a tenth of the points searched, found or not, is nearer than; nothing without any. Far
-  /// lights have no part in it, even where they are all that is found.
+  /// Depth than which a tenth of the points searched, found or not, is nearer [map unit]; nothing without
+  /// any. Far lights have no part in it, even where they are all that is found.
   [[nodiscard]] std::optional<double> near_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.
   [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }
 
  private:
-  /// What one look at a frame found.
+  /// The result of one look at a frame.
   struct Seen {
     std::vector<VisiblePoint> points;
     int attempted = 0;

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// What of a pose is determined by what a frame shows.
+/// The part of a pose that a frame determines.
 enum class PoseSupport : uint8_t {
   kNone,
   kRotation,  ///< and not the position, which is where it was believed to be
@@ -27,8 +27,8 @@ struct PoseJudgement {
   double position_sigma = 0;  ///< in the direction known worst, over the mean depth
   double rotation_sigma = 0;  ///< of the axis known worst [rad], if the position were known
 };
-/// By the information that the observations of a frame have of (translation, rotation), left tangent.
-/// `mean_depth` [map unit] of what the camera looks at.
+/// Judges a pose by the information that the observations of a frame have of (translation, rotation), left
+/// tangent. `mean_depth` [map unit] of what the camera looks at.
 [[nodiscard]] PoseJudgement judge_pose(const Matrix6d& information, double mean_depth,
                                        const PoseJudgementOptions& options);
 

@@ -85,7 +85,7 @@ void ProvisionalPoints::drop(size_t i) {
   points_.pop_back();
 }
 
-/// Where the anchors are in this revision. What hung on a keyframe that is gone goes with it.
+/// Sets the poses of the anchors in this revision. What hung on a keyframe that is gone goes with it.
 void ProvisionalPoints::aim_anchors(const MapSnapshot& map) {
   if (map_ != map.map) clear();
   map_ = map.map;
@@ -103,7 +103,7 @@ void ProvisionalPoints::aim_anchors(const MapSnapshot& map) {
   }
 }
 
-/// Where a pose expects it, and how its patch looks from there.
+/// Sets the place where a pose expects a point, and how its patch looks from there.
 void ProvisionalPoints::project(const SE3& camera_from_map, Point* point) {
   point->in_view = false;
   const SE3 camera_from_anchor = camera_from_map * anchors_[point->anchor].anchor_from_map.inverse();
@@ -145,7 +145,7 @@ void ProvisionalPoints::search(const FrameImages& now, float radius, bool asks_c
   point->found = true;
 }
 
-/// Where the camera is turned to, by those of the coarse level.
+/// The pose to which the camera has turned from `predicted`, by the points of the coarse level.
 SE3 ProvisionalPoints::follow_coarse(const FrameImages& now, const SE3& predicted) {
   for (Point& p : points_) {
     p.found = false;
@@ -307,7 +307,7 @@ bool ProvisionalPoints::has_neighbour(const Eigen::Vector2f& pixel) const {
   });
 }
 
-/// Who has been out of view for longest gives way.
+/// Drops the point that has been out of view for longest, if all places are taken. Whether there is room.
 bool ProvisionalPoints::make_room() {
   if (points_.size() < kMostPoints) return true;
   const auto oldest = std::max_element(points_.begin(), points_.end(), [](const Point& a, const Point& b) {

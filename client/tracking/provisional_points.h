@@ -40,17 +40,19 @@ struct ProvisionalPointsOptions {
   float fine_radius = 6;          ///< [px of level 0]
   uint64_t fewest_coarse = 6;     ///< found, to say where the camera has turned to
   uint64_t fewest_bearings = 15;  ///< that agree on a pose
-  /// [sigma^2] As of the pose finder: matches are good to a third of their sigma, so the floor is the rule.
+  /// [sigma^2] Tukey's cut-off, at least, as the pose finder's: matches are good to a third of their sigma,
+  /// so the floor is the rule.
   double min_squared_cutoff = 1.0;
   double max_squared_cutoff = 9.0;  ///< [sigma^2]
   double measured_sigma = 0.3;      ///< [search-level px] of an aligned patch
   double gate = 9.21;               ///< squared innovation of 2 degrees of freedom: 99 % of chi-square
-  /// Over the mean depth: from nearer than that the same errors would be measured twice.
+  /// Least way over the mean depth from the latest place of a measurement to the next: from nearer than that
+  /// the same errors would be measured twice.
   double news_distance = 0.003;
   double free_position = 1;   ///< sigma over the mean depth: what is not measured is singular without
   double turned_only = 1e-3;  ///< sigma over the depth: the camera turns and leaves its place
   double point_depth = 0.05;  ///< sigma of the inverse depth over itself, of what becomes a point
-  /// Of the inverse depth, over the prior's: in front of the camera, however far.
+  /// Least inverse depth, over the prior's: in front of the camera, however far.
   double least_inverse = 1e-6;
   /// Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of
   /// a wall alike.
@@ -78,7 +80,7 @@ class ProvisionalPoints {
   /// Looks for all of them in a frame: the coarse ones around where `predicted` puts them, the others where
   /// the coarse ones say that the camera has turned to. Those begun in another map are forgotten.
   void follow(const FrameImages& now, const SE3& predicted, const MapSnapshot& map);
-  /// Those found by the latest follow(), in the frame of its map.
+  /// The points found by the latest follow(), as bearings in the frame of its map.
   [[nodiscard]] std::span<const BearingObservation> observations() const { return observations_; }
 
   /// A frame's pose by the map's points that were found in it and by those followed.
@@ -88,9 +90,9 @@ class ProvisionalPoints {
     PoseJudgement judgement;
     size_t bearings = 0;  ///< that agree
   };
-  /// Of the frame of the latest follow(). The position stays that of `start` where it is not determined.
-  /// Nothing where not even the rotation is determined, where too few bearings agree, or less than half
-  /// of those found.
+  /// The pose of the frame of the latest follow(). The position stays that of `start` where it is not
+  /// determined. Nothing where not even the rotation is determined, where too few bearings agree, or less
+  /// than half of those found.
   [[nodiscard]] std::optional<Located> locate(const SE3& start, std::span<const VisiblePoint> map_points,
                                               double mean_depth);
 
@@ -106,11 +108,11 @@ class ProvisionalPoints {
   void update(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map,
               std::span<const VisiblePoint> map_points);
 
-  /// Those that were found in the frame of the latest update() and whose depths are known there, in its
-  /// camera: what a map maker can make points of. At most kMostPoints.
+  /// The points that were found in the frame of the latest update() and whose depths are known there, in its
+  /// camera: a map maker can make map points of them. At most kMostPoints.
   [[nodiscard]] std::vector<PointCandidate> candidates(const SE3& camera_from_map) const;
 
-  /// One of them, for tests.
+  /// A point that is followed, for tests.
   struct Followed {
     CandidateId id;
     SE3 anchor_from_map;                                 ///< the camera that saw it first
@@ -131,7 +133,7 @@ class ProvisionalPoints {
   /// Appends where points of the map were found in the latest frame, and those of them that agree with its
   /// pose.
   void measurements(std::span<const VisiblePoint> map_points, std::vector<LocalMeasurement>* out) const;
-  /// Those that have become points elsewhere leave.
+  /// Forgets the points with these numbers: they have become points elsewhere.
   void forget(std::span<const uint64_t> numbers);
 
  private:
@@ -179,7 +181,7 @@ class ProvisionalPoints {
   [[nodiscard]] SE3 follow_coarse(const FrameImages& now, const SE3& predicted);
   void observe();
   void measure(const KnownPose& pose);
-  /// False when it does not agree with the pose.
+  /// Measures a point's inverse depth by a pose. False when the point does not agree with the pose.
   [[nodiscard]] bool measure(const KnownPose& pose, const SE3& camera_from_anchor, bool is_news,
                              Point* point);
   void fill_cells(std::span<const VisiblePoint> map_points);

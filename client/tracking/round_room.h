@@ -19,12 +19,12 @@ class RoundRoom {
  public:
   RoundRoom(uint64_t seed, CameraPtr camera, double radius);
 
-  /// With normal noise of `noise` grey values, other noise for another `shot`.
+  /// An image with normal noise of `noise` grey values, other noise for another `shot`.
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_map, double noise, uint64_t shot) const;
   /// The mean of what is seen from half a frame before to half a frame after: `pose_at` of -0.5 to 0.5.
   [[nodiscard]] GrayImagePtr render_exposed(const std::function<SE3(double time)>& pose_at, double noise,
                                             uint64_t shot) const;
-  /// Along a unit ray in the frame of a camera, to the wall.
+  /// Distance from a camera to the wall along a unit ray in the camera's frame.
   [[nodiscard]] double distance(const SE3& camera_from_map, const Eigen::Vector3d& ray) const;
   /// Keyframe 1 at `camera_from_map` with the points that it sees.
   [[nodiscard]] MapSnapshotPtr map_of(const SE3& camera_from_map) const;

@@ -6,8 +6,8 @@
 
 namespace cairn::test {
 
-/// What tells a tracker that a map made without a map maker (PlaneScene, RoundRoom) is its own: without
-/// trails it looks from the map's one keyframe.
+/// The answer by which a tracker takes a map made without a map maker (PlaneScene, RoundRoom) for its own:
+/// without trails it looks from the map's one keyframe.
 [[nodiscard]] inline SeedAnswer answer_with(const MapSnapshot& map) {
   SeedAnswer answer;
   answer.map = map.map;

@@ -188,7 +188,7 @@ void StillRegions::find_still_corners() {
   }
 }
 
-/// What keeps its brightness and reaches the border of the image.
+/// Finds the parts of the image that keep their brightness and reach its border.
 void StillRegions::find_border() {
   border_.assign(darkest_.size(), 0);
   border_dark_ = darkest_;

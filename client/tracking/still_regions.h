@@ -52,10 +52,10 @@ class StillRegions {
   bool learn(const Pyramid& frame);
   /// Cheap, for every frame: what was taken for a border and changes is none. True when mask() has changed.
   bool watch(const GrayImage& level3);
-  /// Whether enough frames were counted for a first judgement, or so many looked at that none is to be
+  /// Whether enough frames were counted for a first judgement, or so many were looked at that none is to be
   /// expected.
   [[nodiscard]] bool has_judged() const { return has_judged_; }
-  /// What is known so far; null: nothing stands still.
+  /// The mask as far as it is known; null: nothing stands still.
   [[nodiscard]] const StillMaskPtr& mask() const { return mask_; }
 
  private:

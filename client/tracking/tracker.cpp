@@ -70,7 +70,8 @@ void Tracker::State::clear_result() {
   result.trails = std::move(lines);
 }
 
-/// No map yet: trails are followed until they make one, or until one is known of the place.
+/// Begins where there is no map yet: trails are followed until they make one, or until one is known of the
+/// place.
 void Tracker::State::start(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& snapshot) {
   follow_trails(image, time);
   if (!snapshot) return;
@@ -96,7 +97,7 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
   result.note = trails.note();
 }
 
-/// Nothing is known yet of where the camera is in it.
+/// Enters a map in which nothing is known yet of where the camera is.
 void Tracker::State::enter_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   adopt_revision(snapshot, time);
   trails.restart();
@@ -224,7 +225,7 @@ void Tracker::State::propose_keyframe(Timestamp time) {
   result.keyframe = std::move(proposal);
 }
 
-/// Until the server answers, it is a keyframe of the tracker's own, and nobody else adjusts it.
+/// Takes a proposal into the tracker's own map. Until the server answers, nobody else adjusts that keyframe.
 void Tracker::State::map_locally(Timestamp time, KeyframeProposal* proposal) {
   known.clear();
   provisional.known(&known);

@@ -53,9 +53,10 @@ class Tracker {
   /// The seed proposed last was accepted: when a snapshot of that map comes, the pose starts from the trails,
   /// which are followed meanwhile.
   void seed_accepted(const SeedAnswer& answer);
-  /// It was refused: trails go on; another proposal comes when the view has changed enough.
+  /// The seed proposed last was refused: trails go on, and another proposal comes when the view has changed
+  /// enough.
   void seed_refused(const std::string& reason);
-  /// Whether keyframes are proposed, from the next frame on (TrackerOptions::make_keyframes).
+  /// Sets whether keyframes are proposed, from the next frame on (TrackerOptions::make_keyframes).
   void make_keyframes(bool wanted);
   /// The server's word on the keyframe proposed under this number: what it has become, or that it was
   /// refused. Until then the tracker maps on by itself.

@@ -22,7 +22,7 @@
 
 namespace cairn {
 
-/// Of a tracker, those of its parts included.
+/// Options of a tracker, those of its parts included.
 struct TrackerOptions {
   bool make_maps = true;       ///< seeds are proposed while there is no map
   bool make_keyframes = true;  ///< keyframes are proposed
@@ -51,7 +51,7 @@ struct TrackerOptions {
   RecoveryOptions recovery;  ///< its seed and least quality are those above
 };
 
-/// All of them that are no choice of a run, whose are make_maps, make_keyframes and seed.
+/// Lists all options that are no choice of a run; make_maps, make_keyframes and seed are such choices.
 [[nodiscard]] OptionList list_options(TrackerOptions* options);
 
 }  // namespace cairn

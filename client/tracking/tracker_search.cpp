@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// From where the motion expects the camera; where it is not found, by what else tells where it is, in order
-/// of cost.
+/// Searches from where the motion expects the camera. Where it is not found, searches by what else tells
+/// where it is, in order of cost.
 void Tracker::State::track(Timestamp time) {
   Attempt found = search_by_motion(time);
   const bool is_verified = recovery.as<Verifying>() != nullptr;
@@ -53,8 +53,9 @@ SearchEffort Tracker::State::expected_effort() const {
   return effort;
 }
 
-/// From where the velocity and the small image expect the camera; where it is not found, twice as far about
-/// where the small image alone does; then turned as the gyro says, and moved where that leaves it to be.
+/// Searches from where the velocity and the small image expect the camera. Where it is not found, it is
+/// sought twice as far about where the small image alone expects it; then turned as the gyro says, and moved
+/// to where that leaves it.
 Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   const SE3 by_images =
       correct_step(model.predicted_step(time), seen, *camera, mean_depth, options.step_correction);
@@ -77,8 +78,8 @@ Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   return is_doubted ? compared_within_reach(found) : found;
 }
 
-/// What repeats draws a search to another of its periods: the pose that shows where the camera can be is
-/// preferred.
+/// Prefers the pose that shows where the camera can be: a structure that repeats draws a search to another of
+/// its periods.
 Tracker::State::Attempt Tracker::State::compared_within_reach(Attempt found) {
   const SE3 there = *found.pose;
   const Attempt near =
@@ -109,8 +110,8 @@ SearchEffort Tracker::State::effort_of(PoseStart::Reach reach) const {
   return effort;
 }
 
-/// From where it may be, one place after another: where it is found it is followed, and published once it has
-/// held.
+/// Searches from one place after another where the camera may be. Where it is found it is followed, and
+/// published once it has held.
 void Tracker::State::look_for_camera(Timestamp time) {
   while (const auto start = recovery.next_start(now(), *map, model.last(), mean_depth, time)) {
     Attempt found = attempt(start->camera_from_map, effort_of(start->reach));

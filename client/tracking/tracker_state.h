@@ -26,7 +26,7 @@
 
 namespace cairn {
 
-/// What a tracker is between frames, and the parts of a frame: its beginning and end in tracker.cpp, the
+/// The state of a tracker between frames, and the parts of a frame: its beginning and end in tracker.cpp, the
 /// search for the camera in tracker_search.cpp. One thread.
 struct Tracker::State {
   State(const CameraPtr& camera_in, const TrackerOptions& options_in);
@@ -83,7 +83,7 @@ struct Tracker::State {
   void begin_map(const MapSnapshotPtr& snapshot, Timestamp time);
   void adopt_revision(const MapSnapshotPtr& server_map, Timestamp time);
 
-  /// What a search of the frame found, and how far it is to be believed.
+  /// A search of the frame: what was found, and how far it is to be believed.
   struct Attempt {
     std::optional<SE3> pose;
     FrameEvidence evidence;
@@ -96,7 +96,8 @@ struct Tracker::State {
   [[nodiscard]] Attempt search_otherwise();
   [[nodiscard]] SearchEffort expected_effort() const;
   [[nodiscard]] SearchEffort effort_of(PoseStart::Reach reach) const;
-  /// Since the frame before, by the small images, or by the gyro where these have nothing in common.
+  /// The camera's step since the frame before, by the small images, or by the gyro where these have nothing
+  /// in common.
   [[nodiscard]] SE3 turned() const {
     return gyro.turn() && is_cut ? *gyro.turn()
                                  : correct_step(SE3(), seen, *camera, mean_depth, options.step_correction);

@@ -140,7 +140,8 @@ Warp TrailFollower::warp_from_first() const {
   return fit_warp(ends);
 }
 
-/// In a sharp image it is found at level 0, in one that is noisy or blurred perhaps at level 1 only.
+/// The place in `now` where the patch of a trail's first frame is found. In a sharp image it is found at
+/// level 0, in one that is noisy or blurred perhaps at level 1 only.
 std::optional<Eigen::Vector2f> TrailFollower::match_first_patch(const FollowedTrail& trail, int level,
                                                                 const Warp& warp,
                                                                 const FrameImages& now) const {
@@ -185,8 +186,8 @@ void TrailFollower::remember_way(const FrameImages& now) {
     trails_[i].path.push_back(i < found.size() ? found[i] : kNowhere);
 }
 
-/// Where some of the trails were in views a fifth of the way apart, and are now (`last`); of those only which
-/// were found again in all.
+/// The places of trails in views a fifth of the way apart, and now (`last`). Only trails that were found
+/// again in all of these are taken, and of them some.
 MultiView TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) const {
   std::vector<size_t> on_the_way;
   auto from = way_.begin();

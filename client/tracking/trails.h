@@ -67,14 +67,14 @@ class TrailFollower {
   void accepted(const SeedAnswer& answer) { awaited_ = answer; }
   /// The proposal was refused: try again after more movement.
   void refused(const std::string& reason);
-  /// What is known of the map that is awaited.
+  /// The server's answer that names the map which is awaited; nothing while none is.
   [[nodiscard]] const std::optional<SeedAnswer>& awaited() const { return awaited_; }
   /// Whether a proposal awaits its verdict, or its map.
   [[nodiscard]] bool is_undecided() const { return undecided_; }
   /// Forgets all trails; the next frame is a first frame.
   void restart();
 
-  /// When their first frame was taken.
+  /// When the first frame of the trails was taken.
   [[nodiscard]] Timestamp begun_at() const { return first_time_; }
 
   struct Live {
@@ -93,7 +93,7 @@ class TrailFollower {
     Eigen::Vector2f first = Eigen::Vector2f::Zero();
     Eigen::Vector2f now = Eigen::Vector2f::Zero();
     std::vector<Eigen::Vector2f> path;  ///< one position per entry of way_
-    /// What the first frame showed there.
+    /// The patch that the first frame showed there.
     struct FirstPatch {
       SourcePatch pixels{};
       Eigen::Vector2f aside = Eigen::Vector2f::Zero();  ///< of its centre from the trail [px of its level]

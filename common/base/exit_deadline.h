@@ -30,10 +30,10 @@ struct Command {
 /// construction.
 class ExitDeadline {
  public:
-  /// It ends with the code.
+  /// When the time is over, the process ends with the code.
   ExitDeadline(int exit_code, std::chrono::milliseconds patience, Logger log);
-  /// It becomes `next`, under its process id and with its standard streams alone; where that cannot be, it
-  /// ends with kInternal's code.
+  /// When the time is over, the process becomes `next`, under its process id and with its standard streams
+  /// alone. Where that cannot be, it ends with kInternal's code.
   ExitDeadline(Command next, std::chrono::milliseconds patience, Logger log);
   ~ExitDeadline();
   ExitDeadline(const ExitDeadline&) = delete;

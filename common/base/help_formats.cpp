@@ -37,7 +37,7 @@ std::string replace_all(std::string text, std::string_view what, std::string_vie
   return text;
 }
 
-/// Within single quotes of a shell.
+/// The text as it stands within single quotes of a shell.
 std::string shell_quoted(const std::string& text) {
   return replace_all(text, "'", "'\\''");
 }
@@ -68,8 +68,8 @@ bool shows(const std::string& example, const std::vector<std::string>& path) {
   return found == path.size();
 }
 
-/// Of a paragraph of examples, those that show the command, with the lines that go on about them;
-/// `with_words`: also what stands between them.
+/// Those examples of a paragraph that show the command, with the lines that go on about them. With
+/// `with_words`, what stands between them is taken too.
 std::string examples_of(const std::string& paragraph, const std::vector<std::string>& path, bool with_words) {
   std::istringstream lines(paragraph);
   std::string chosen;

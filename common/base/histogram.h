@@ -15,7 +15,8 @@ class Histogram {
  public:
   void add(double value);
   [[nodiscard]] size_t count() const { return count_; }
-  /// By nearest rank: the least value that a share `p` (0..1) of all values does not exceed; 0 of nothing.
+  /// The percentile by nearest rank: the least value that a share `p` (0..1) of all values does not exceed; 0
+  /// where there are no values.
   [[nodiscard]] double percentile(double p) const;
 
  private:

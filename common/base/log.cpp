@@ -40,7 +40,7 @@ class SafeFormatter : public spdlog::formatter {
 };
 
 constexpr size_t kQueueBytes = size_t{256} << 10;  ///< some thousand lines
-/// So long the end of a program waits for somebody who reads its words, and no longer.
+/// How long the end of a program waits for somebody who reads its words.
 constexpr DrainPatience kLastWords{std::chrono::milliseconds(1'000), std::chrono::milliseconds(5'000)};
 constexpr std::string_view kPlain = "\x1b[m";
 

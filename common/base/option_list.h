@@ -18,13 +18,15 @@ namespace cairn {
 /// components read their structs.
 class OptionList {
  public:
-  /// Of no struct: a heading for parts.
+  /// An empty list that stands for no struct: a heading for parts.
   OptionList() = default;
-  /// Of a struct that has so many options and parts: member_count(), but for members that are no option.
+  /// An empty list for a struct that has `members` options and parts: member_count(), less the members that
+  /// are no option. check_complete() compares.
   explicit OptionList(size_t members) : members_(members) {}
 
   using Value = std::variant<bool*, int*, uint64_t*, float*, double*, std::chrono::milliseconds*>;
-  /// Of a value, both ends included as the option's type has them [unit of the option].
+  /// The values that an option may have, both ends included as the option's type has them [unit of the
+  /// option].
   struct Range {
     double least = 0;
     double most = 0;

@@ -3,7 +3,7 @@
 
 namespace cairn {
 
-/// For std::visit: one visitor made of several lambdas, one for each alternative.
+/// A visitor for std::visit, made of several lambdas, one for each alternative.
 template <typename... Cases>
 struct Overloaded : Cases... {
   using Cases::operator()...;

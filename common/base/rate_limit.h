@@ -6,7 +6,7 @@
 
 namespace cairn {
 
-/// For words that a fault would repeat many times a second: says whether they are due again. One thread.
+/// Says whether words that a fault would repeat many times a second are due again. One thread.
 class RateLimit {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What is the same to who reads it, however many, how far or where.
+/// The text without its numbers: texts that differ only in these are the same to a reader.
 [[nodiscard]] inline std::string without_numbers(std::string text) {
   std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '%' || c == '.' || c == '-'; });
   return text;
@@ -24,12 +24,13 @@ class Repeats {
 
   explicit Repeats(std::chrono::seconds interval = std::chrono::minutes(1)) : interval_(interval) {}
 
-  /// What is to be said of `text`, which has come: it, or it with how often it has come since it was said
-  /// last; nothing: it is folded.
+  /// Returns what is to be said of `text`, which has come: the text, or the text with how often it has come
+  /// since it was said last. Nothing: it is folded.
   [[nodiscard]] std::optional<std::string> say(const std::string& text, TimePoint now) {
     return say(text, text, now);
   }
-  /// Where texts differ, as by numbers, and are the same to who reads them: all of one `kind` are folded.
+  /// The same for texts that differ, as by numbers, but mean the same to a reader: all of one `kind` are
+  /// folded together.
   [[nodiscard]] std::optional<std::string> say(const std::string& kind, const std::string& text,
                                                TimePoint now) {
     if (known_.size() >= kMost && !known_.contains(kind)) known_.clear();
@@ -45,7 +46,7 @@ class Repeats {
     return words;
   }
 
-  /// What was folded and has not been told.
+  /// The texts that were folded and have not been told since.
   [[nodiscard]] std::vector<std::string> rest() {
     std::vector<std::string> all;
     for (const auto& [kind, said] : known_)

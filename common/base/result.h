@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// What kind of thing went wrong; each maps to one exit code of the command line (exit_code()).
+/// The kind of thing that went wrong; each maps to one exit code of the command line (exit_code()).
 enum class ErrorCode {
   kUsage,          ///< the caller's words are off
   kConfiguration,  ///< a file of settings or a calibration is missing or wrong

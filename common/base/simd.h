@@ -62,8 +62,8 @@ struct __attribute__((packed, may_alias)) UnalignedLanes {
   V lanes;
 };
 
-/// By reference, see above. (memcpy would be split into halves before a template gets to the function with
-/// the wide target.)
+/// Loads a vector from memory that need not be aligned. The result comes by reference, see above. (memcpy
+/// would be split into halves before a template gets to the function with the wide target.)
 template <class V>
 CAIRN_INLINE void load_lanes(const void* from, V* out) {
   *out = static_cast<const UnalignedLanes<V>*>(from)->lanes;

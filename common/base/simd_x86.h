@@ -14,7 +14,7 @@ namespace cairn {
 [[nodiscard]] inline Simd best_simd() {
   return has_wide() ? Simd::kWide : Simd::kNarrow;
 }
-/// Of a kernel that has but the scalar and the wide variant: whether the latter is the one for `simd`.
+/// Whether a kernel that has only the scalar and the wide variant should run the wide one for `simd`.
 [[nodiscard]] inline bool takes_wide(Simd simd) {
   return simd == Simd::kWide;
 }
@@ -166,7 +166,7 @@ CAIRN_INLINE uint32_t lane_bits(I32x4 mask) {
 CAIRN_WIDE CAIRN_INLINE uint32_t lane_bits(I32x8 mask) {
   return static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask));
 }
-/// Of vectors of bytes, in templates of either width too.
+/// The same for vectors of bytes of either width, also in templates.
 template <class V>
 CAIRN_INLINE uint32_t byte_lane_bits(const V& mask) {
 #ifdef __clang__

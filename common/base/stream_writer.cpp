@@ -40,7 +40,7 @@ bool is_open_already(const std::filesystem::path& path) {
 
 constexpr int kWithoutWaiting = O_WRONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY;
 
-/// Without waiting for a reader. -1 and errno where it cannot be opened.
+/// Opens a file or stream to write, without waiting for a reader. -1 and errno where it cannot be opened.
 int open_to_write(const std::filesystem::path& path) {
   const int how = is_open_already(path) ? O_APPEND : O_CREAT | O_TRUNC;
   return ::open(path.c_str(), kWithoutWaiting | how, kMode);
@@ -133,7 +133,7 @@ bool StreamWriter::write_directly(const std::string& row) {
   return true;
 }
 
-/// As write(2), but EAGAIN where it would wait.
+/// Writes as write(2) does, but fails with EAGAIN where that would wait.
 ssize_t StreamWriter::write_some(const char* bytes, size_t count) const {
   if (kind_ == Kind::kSocket) return send(descriptor_, bytes, count, MSG_DONTWAIT | MSG_NOSIGNAL);
   if (kind_ == Kind::kBlocking) {

@@ -90,7 +90,7 @@ class StreamWriter {
   std::thread thread_;  ///< begun with the first row that has to wait
 };
 
-/// All of `bytes` to `path`, which may be a pipe: a StreamWriter from beginning to end. Error kIo.
+/// Writes all of `bytes` to `path`, which may be a pipe: a StreamWriter from beginning to end. Error kIo.
 [[nodiscard]] Status write_stream(const std::filesystem::path& path, std::string bytes);
 
 }  // namespace cairn

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// What can be read of a non-blocking descriptor now. For tests only.
+/// Reads what a non-blocking descriptor has now. For tests only.
 inline std::string drained(int descriptor) {
   std::string text;
   std::array<char, 4096> part{};

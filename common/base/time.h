@@ -29,7 +29,7 @@ inline Timestamp operator+(Timestamp a, std::chrono::nanoseconds d) {
   return {a.nanoseconds + d.count()};
 }
 
-/// What time it is, since the Unix epoch: for what goes by the calendar.
+/// The time since the Unix epoch by the system's clock, for what goes by the calendar.
 [[nodiscard]] inline Timestamp wall_clock_now() {
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()};

@@ -7,7 +7,8 @@
 
 namespace cairn {
 
-/// So many a second in the long run, and so many at once. The time is handed in. One thread.
+/// A token bucket: grants `per_second` a second in the long run, and at most `at_once` at once. The time is
+/// handed in. One thread.
 class TokenBucket {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;

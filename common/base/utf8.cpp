@@ -20,7 +20,7 @@ struct Piece {
   std::optional<char32_t> character;  ///< nothing: no UTF-8
 };
 
-/// Of a text that is not empty.
+/// The first character of a text that is not empty, or its first byte where that belongs to no UTF-8.
 Piece first_piece(std::string_view text) {
   utf8proc_int32_t character = 0;
   const auto size = utf8proc_iterate(reinterpret_cast<const utf8proc_uint8_t*>(text.data()),

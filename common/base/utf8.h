@@ -22,23 +22,23 @@ namespace cairn {
 /// becomes a blank, a byte that is no UTF-8 `\xe9`, another character that fault_of_text refuses `\u202e`.
 [[nodiscard]] std::string one_line(std::string_view text);
 
-/// The same for a text of several lines: line breaks stay.
+/// A text of several lines made safe in the same way: its line breaks stay.
 [[nodiscard]] std::string many_lines(std::string_view text);
 
-/// Nothing in it can be seen: blanks of any kind.
+/// Whether nothing in the text can be seen: blanks of any kind.
 [[nodiscard]] bool is_invisible(std::string_view text);
 
 /// The letters as a reader counts them: a character with the marks and joined characters that follow it.
 [[nodiscard]] std::vector<std::string_view> letters(std::string_view text);
 
-/// As many whole letters from the beginning as fit into `max_bytes`; of a first letter that is longer by
-/// itself, as many whole characters.
+/// The longest beginning of the text that is whole letters and fits into `max_bytes`. If the first letter
+/// alone is longer, as many of its characters as fit.
 [[nodiscard]] std::string_view cut_text(std::string_view text, size_t max_bytes);
 
 /// Columns of a terminal: 2 for wide (East Asian) characters, 0 for combining ones.
 [[nodiscard]] size_t text_width(std::string_view text);
 
-/// With blanks behind it up to `columns` of a terminal; a wider text stays as it is.
+/// The text with blanks behind it, up to `columns` of a terminal; a wider text stays as it is.
 [[nodiscard]] std::string padded(std::string text, size_t columns);
 
 /// The characters of `text`; U+FFFD for a byte that is no UTF-8.

@@ -22,8 +22,8 @@ constexpr double kAfterBadStep = 10;
 
 using Outcome = ReducedSystem::Outcome;
 
-/// What the inverse of the weighted normal equations is to be multiplied with: E psi^2 / (E psi')^2 * E w for
-/// psi = w r, w Tukey's weight (Huber 1981, 7.6), the first corrected for the parameters fitted.
+/// The factor that turns the inverse of the weighted normal equations into a covariance: E psi^2 / (E psi')^2
+/// * E w for psi = w r, w Tukey's weight (Huber 1981, 7.6), the first corrected for the parameters fitted.
 double estimator_variance(const BundleProblem& problem, double squared_cutoff) {
   double psi_squared = 0;
   double psi_slope = 0;
@@ -86,7 +86,8 @@ class LevenbergMarquardt {
     }
   }
 
-  /// Of the free cameras at the state reached; they keep the one they had when stopped.
+  /// Writes the covariances of the free cameras at the state reached. They keep their old ones when
+  /// should_stop ends the computation.
   void write_covariances_to(BundleProblem* problem, double squared_cutoff) {
     const auto inverse = equations_.camera_covariances(state_, squared_cutoff, options_->should_stop);
     if (!inverse) return;

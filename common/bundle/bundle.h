@@ -67,7 +67,7 @@ BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 
 /// Squared whitened reprojection error; infinite where the point does not project.
 [[nodiscard]] double squared_residual(const BundleProblem& problem, const BundleObservation& observation);
-/// The same of every observation.
+/// The squared_residual() of every observation, in order.
 [[nodiscard]] std::vector<double> squared_residuals(const BundleProblem& problem);
 
 }  // namespace cairn

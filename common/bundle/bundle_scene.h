@@ -36,7 +36,8 @@ class Random {
 /// and one wrong observation in twenty. Only the first pose is fixed.
 [[nodiscard]] BundleProblem noisy_walk(int poses, int points, Random* random);
 
-/// By a few pixels, as before an adjustment in a map.
+/// Moves the poses that are not fixed and all points at random, by a few pixels in the images, as before an
+/// adjustment in a map.
 void perturb(BundleProblem* problem, Random* random);
 
 /// Largest distance between poses (twist) and between points of two problems.

@@ -34,13 +34,13 @@ class CameraBorder {
     const Eigen::Matrix3d& rotation;
   };
   void add(const Share& share);
-  /// All observations of `point` are added: eliminates it. V = L L^T given by the inverse of its diagonal and
-  /// what is below (l10, l20, l21), y = L^-1 g, Z = W L^-T for each pose that sees it.
+  /// Eliminates `point`, all of whose observations have been added. V = L L^T is given by the inverse of its
+  /// diagonal and what is below (l10, l20, l21), y = L^-1 g, Z = W L^-T for each pose that sees it.
   void eliminate(size_t point, const Eigen::Vector3d& inverse_diagonal, const Eigen::Vector3d& lower,
                  const Eigen::Vector3d& y, std::span<const double> Z, std::span<const int> columns);
-  /// What the priors add to the cost.
+  /// The cost that the priors add when the free cameras are `cameras`.
   [[nodiscard]] double prior_cost(const std::vector<CameraPtr>& cameras, double squared_cutoff) const;
-  /// The system is complete but for priors and damping.
+  /// Adds the priors and the damping `lambda` to the system, which is complete but for these.
   void finish(const std::vector<CameraPtr>& cameras, double squared_cutoff, double lambda);
 
   /// The cameras' step, by the factor of S; `poses` goes in as S^-1 times the poses' right side, and comes

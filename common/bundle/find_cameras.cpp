@@ -132,7 +132,8 @@ class Follower {
     options_.min_squared_cutoff = 1e8;
   }
 
-  /// Empty when that could not be solved.
+  /// The residuals when `camera` is `other` and poses and points are adjusted to it. Empty when that could
+  /// not be solved.
   [[nodiscard]] Residuals residuals_with(size_t camera, const CameraPtr& other) const {
     BundleProblem moved = adjusted_;
     set_camera(&moved, camera, other);
@@ -164,7 +165,8 @@ Residuals total_derivative(const Follower& follower, const Residuals& residuals,
   return derivative;
 }
 
-/// By log f and k1.
+/// The derivatives of the residuals by log f and by k1, with poses and points re-adjusted
+/// (total_derivative()).
 std::array<Residuals, kIntrinsics> intrinsic_derivatives(const Follower& follower, const Residuals& residuals,
                                                          size_t camera, const Camera& now) {
   constexpr double kStep = 0.01;
@@ -178,7 +180,8 @@ std::array<Residuals, kIntrinsics> intrinsic_derivatives(const Follower& followe
   return derivatives;
 }
 
-/// What is taken for given and is not quite so: index in the camera's values, and sigma.
+/// A value of the camera that is taken for given and is not quite so: its index in the camera's values, and
+/// its sigma.
 struct TakenForGiven {
   size_t value;
   double sigma;
@@ -189,7 +192,7 @@ std::array<TakenForGiven, 3> taken_for_given(const Camera& camera) {
   return {{{2, off_centre}, {3, off_centre}, {5, kUsualK2}}};
 }
 
-/// By each of them, in units of its sigma.
+/// The derivatives of the residuals by each value of taken_for_given(), in units of its sigma.
 std::vector<Residuals> given_derivatives(const Follower& follower, const Residuals& residuals, size_t camera,
                                          const Camera& now) {
   std::vector<Residuals> derivatives;
@@ -275,7 +278,8 @@ std::optional<Eigen::Matrix2d> honest_covariance(const BundleProblem& problem, s
   return covariance;
 }
 
-/// Nothing when it could not be judged: a problem that could not be solved, or no more time.
+/// The covariance of a free camera, judged. Nothing when it could not be judged: a problem that could not be
+/// solved, or no more time.
 std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera, double squared_cutoff,
                                      const BundleOptions& options) {
   const FreeCamera& judged = problem.free_cameras[camera];

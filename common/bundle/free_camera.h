@@ -13,7 +13,7 @@ constexpr int kIntrinsics = 2;
 /// Logarithm of fx [px] (fy/fx is kept), and k1. The logarithm, since what is not known is a factor.
 using Intrinsics = Eigen::Matrix<double, kIntrinsics, 1>;
 
-/// Of a pinhole-radtan camera.
+/// The intrinsics of a pinhole-radtan camera; a k1 that it does not have is 0.
 [[nodiscard]] Intrinsics intrinsics_of(const Camera& camera);
 /// The camera with other intrinsics; null when they make none (is_focal_length()).
 [[nodiscard]] CameraPtr with_intrinsics(const Camera& camera, const Intrinsics& intrinsics);
@@ -34,14 +34,14 @@ struct FreeCamera {
   CameraPtr camera;  ///< pinhole-radtan; the present values
   Intrinsics prior_mean = Intrinsics::Zero();
   Intrinsics prior_sigma = Intrinsics::Ones();
-  /// Of the intrinsics, once adjusted: noise as large as the residuals say, and the prior.
+  /// Covariance of the adjusted intrinsics, from noise as large as the residuals say and from the prior.
   Eigen::Matrix<double, kIntrinsics, kIntrinsics> covariance = Eigen::Matrix2d::Zero();
   /// Whether find_cameras() tries other focal lengths and judges the covariance; else that stays. After it:
   /// whether the covariance was judged.
   bool judge = true;
 };
 
-/// Moved to where the prior reaches.
+/// The intrinsics, each value clamped to kPriorReach sigma about the prior's mean.
 [[nodiscard]] Intrinsics within_reach(const FreeCamera& prior, const Intrinsics& intrinsics);
 /// Whether the prior holds the present values, near where it ends: they say nothing then.
 [[nodiscard]] bool is_held_by_prior(const FreeCamera& camera);

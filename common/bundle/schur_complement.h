@@ -14,7 +14,7 @@
 /// 6.1).
 namespace cairn {
 
-/// What an adjustment changes.
+/// The values that an adjustment changes.
 struct BundleState {
   std::vector<SE3> poses;               ///< camera_from_map, in the order of the problem
   std::vector<Eigen::Vector3d> points;  ///< map frame

@@ -38,7 +38,7 @@ struct TileKernels {
 };
 
 [[nodiscard]] const TileKernels& baseline_tile_kernels();
-/// What this machine runs fastest.
+/// The variant of the kernels that runs fastest on this machine.
 [[nodiscard]] const TileKernels& best_tile_kernels();
 
 }  // namespace cairn

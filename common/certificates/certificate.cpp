@@ -39,7 +39,8 @@ std::string entry_of(const X509& certificate, int kind) {
           static_cast<size_t>(ASN1_STRING_length(text))};
 }
 
-/// What is beyond our times, as the year 9999 of a certificate that never expires, is their end.
+/// Converts an ASN.1 time. A time that a Timestamp cannot hold, as the year 9999 of a certificate that never
+/// expires, becomes the last one that it can.
 Timestamp time_of(const ASN1_TIME* time) {
   constexpr int64_t kNanoseconds = 1'000'000'000;
   constexpr int64_t kMostSeconds = std::numeric_limits<int64_t>::max() / kNanoseconds;

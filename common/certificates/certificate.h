@@ -27,14 +27,15 @@ using KeyPtr = std::unique_ptr<EVP_PKEY, FreedBy<&EVP_PKEY_free>>;
 using CertificatePtr = std::unique_ptr<X509, FreedBy<&X509_free>>;
 using BioPtr = std::unique_ptr<BIO, FreedBy<&BIO_free_all>>;
 
-/// What libcrypto says of the call that has just failed; its list of errors is empty then.
+/// Returns libcrypto's reason for the call that has just failed, in words, and empties its list of errors.
 [[nodiscard]] std::string crypto_error();
 
-/// Of a PEM file. Errors name it: kConfiguration (missing, not readable, not of that kind).
+/// Reads the certificate in a PEM file. Errors name the file: kConfiguration (missing, not readable, not a
+/// certificate).
 [[nodiscard]] Result<CertificatePtr> read_certificate(const std::filesystem::path& path);
 [[nodiscard]] Result<KeyPtr> read_private_key(const std::filesystem::path& path);
 
-/// What a certificate says of whom it is for.
+/// What a certificate says about its holder, and when it is valid.
 struct CertificateFacts {
   std::string role;    ///< organizational unit: client, server, operator or rig; of an authority: authority
   std::string name;    ///< common name
@@ -52,7 +53,7 @@ struct CertificateFacts {
 [[nodiscard]] Result<std::string> verify_document(const std::string& signed_text, X509& authority);
 
 using RevocationsPtr = std::unique_ptr<X509_CRL, FreedBy<&X509_CRL_free>>;
-/// Of a PEM file; error as of read_certificate().
+/// Reads the list of revoked certificates (CRL) in a PEM file; errors as those of read_certificate().
 [[nodiscard]] Result<RevocationsPtr> read_revocations(const std::filesystem::path& path);
 /// What a list of revoked certificates says of itself.
 struct RevocationFacts {
@@ -61,14 +62,14 @@ struct RevocationFacts {
   size_t certificates = 0;  ///< how many it names
 };
 [[nodiscard]] RevocationFacts facts_of(X509_CRL& revocations);
-/// Whether they are that authority's word.
+/// Whether that authority has signed the list.
 [[nodiscard]] bool is_signed_by(X509_CRL& revocations, const X509& authority);
 [[nodiscard]] bool is_revoked(X509_CRL& revocations, const X509& certificate);
 
 /// SHA-256 of the certificate, as 64 hex digits.
 [[nodiscard]] std::string fingerprint_of(const X509& certificate);
 
-/// Whether it bears the signature of that authority. Says nothing of time.
+/// Whether that authority has signed the certificate. Does not check when it is valid.
 [[nodiscard]] bool is_signed_by(const X509& certificate, const X509& authority);
 [[nodiscard]] bool belongs_to(const EVP_PKEY& key, const X509& certificate);
 

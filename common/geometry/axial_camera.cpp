@@ -207,7 +207,7 @@ class AxialCamera final : public Camera {
     std::copy(parameters.values.begin() + 4, parameters.values.end(), values.begin());
     return values;
   }
-  /// On the axis radius / r is the slope.
+  /// The radius in the image over `r`. On the axis that is the slope.
   static double scale(const ImageRadius& radius, double r) { return r > 0 ? radius.value / r : radius.by_r; }
 
   [[nodiscard]] Eigen::Vector2d to_pixel(const Eigen::Vector3d& point, double s) const {

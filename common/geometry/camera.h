@@ -21,7 +21,7 @@ enum class CameraModel : uint8_t {
 
 /// Whether a number from the wire or a file is that of a model.
 [[nodiscard]] bool is_camera_model(int number);
-/// All there are: what camera.cpp registers.
+/// All camera models that there are, in the order in which camera.cpp registers them.
 [[nodiscard]] std::vector<CameraModel> camera_models();
 /// pinhole-radtan, kb4 or fov.
 [[nodiscard]] std::string_view name_of(CameraModel model);
@@ -36,7 +36,7 @@ struct CameraParameters {
   bool operator==(const CameraParameters&) const = default;
 };
 
-/// In pixels.
+/// The size of an image [px].
 struct ImageSize {
   int width = 0;
   int height = 0;
@@ -55,7 +55,8 @@ class Camera {
   /// the axis, while kb4 and fov may reach behind the camera (depth <= 0). The pixel may lie outside the
   /// image.
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const = 0;
-  /// As project(), with the derivative of the pixel by the point (2x3, pixels per unit of the point).
+  /// Projects as project(point) does, and writes the derivative of the pixel by the point (2x3, pixels per
+  /// unit of the point).
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point,
                                                                Matrix23d* d_pixel_d_point) const = 0;
   /// Unit ray in camera coordinates through a pixel; project(unproject(p)) == p within 1e-6 px inside the

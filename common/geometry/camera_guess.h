@@ -11,13 +11,13 @@ namespace cairn {
 /// Sigmas of less say that a value is exact, and their squares are no weights to calculate with.
 inline constexpr double kLeastPriorSigma = 1e-6;
 
-/// Of pinhole-radtan.
+/// How many values a pinhole-radtan camera has when all are given.
 inline constexpr size_t kPriorValues = 9;
 
 /// Whether a camera could have it: 0.1 to 20 times the longer side of its image.
 [[nodiscard]] bool is_focal_length(double focal, int width, int height);
 
-/// Whether pixels could be so: their width in heights, fy / fx, from 0.2 to 5.
+/// Whether pixels could have this aspect: their width in heights, fy / fx, from 0.2 to 5.
 [[nodiscard]] bool is_pixel_aspect(double aspect);
 
 /// The intrinsics prior: a camera's values and how uncertain they are, from which self-calibration begins.
@@ -27,18 +27,18 @@ struct IntrinsicsPrior {
   double k1_sigma = 0;
 };
 
-/// One per value, 0 for those that are exact; and back. What the wire says of it. Precondition:
-/// pinhole-radtan, all nine values.
+/// The standard deviation of each value of the camera, as the wire tells them: 0 for values that are exact.
+/// intrinsics_prior() is the way back. Precondition: pinhole-radtan, all nine values.
 [[nodiscard]] std::vector<double> sigma_of_values(const IntrinsicsPrior& camera);
-/// `sigma`: one per value. Nothing when all values are exact, when the model is another, or when they are
-/// none that a camera could have (focal length 0.1 to 20 times the longer side, nearly square pixels, sigmas
-/// up to 1).
+/// The prior of a camera, from one sigma for each of its values. Nothing when all values are exact, when the
+/// model is another, or when they are none that a camera could have (is_focal_length(), is_pixel_aspect(),
+/// sigmas up to 1).
 [[nodiscard]] std::optional<IntrinsicsPrior> intrinsics_prior(const CameraParameters& parameters,
                                                               const std::vector<double>& sigma);
 
-/// What a camera of which only the image's size is known is likely to be: 60 degrees of view along the
-/// longer side, square pixels, centre in the middle, no distortion. Sigma 35 %: 0.5 to 1.5 times the longer
-/// side within two sigma, from wide-angle to telephoto-ish phones and web cameras.
+/// The likely values of a camera of which only the image's size is known: 60 degrees of view along the longer
+/// side, square pixels, centre in the middle, no distortion. Sigma 35 %: 0.5 to 1.5 times the longer side
+/// within two sigma, from wide-angle to telephoto-ish phones and web cameras.
 [[nodiscard]] IntrinsicsPrior guess_camera(ImageSize size);
 
 /// A pinhole calibration without any distortion, believed as the data sheet that it is likely to be from:

@@ -12,7 +12,7 @@ namespace cairn {
 /// Keeps its grid from image to image. One thread.
 class DepthOrder {
  public:
-  /// For images of this size [px].
+  /// Makes an empty grid for images of this size [px].
   DepthOrder(int width, int height);
 
   void clear();

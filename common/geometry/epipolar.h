@@ -15,7 +15,7 @@ namespace cairn {
 struct NormalizedMatch {
   Eigen::Vector3d a = Eigen::Vector3d::UnitZ();  ///< (x/z, y/z, 1) in the first view
   Eigen::Vector3d b = Eigen::Vector3d::UnitZ();  ///< in the second
-  /// Of x/z and y/z in the first view: (sigma / focal length)^2, more where the lens compresses.
+  /// Variance of x/z and of y/z in the first view: (sigma / focal length)^2, more where the lens compresses.
   double variance_a = 1e-6;
   double variance_b = 1e-6;  ///< in the second
 };

@@ -29,8 +29,8 @@ struct LeastSquares {
     information.noalias() += weight * jacobian.transpose() * jacobian;
     gradient.noalias() += weight * jacobian.transpose() * residual;
   }
-  /// To the minimum of the linear problem; `damping` as in Levenberg and Marquardt, relative to the diagonal.
-  /// Nothing if the equations have no solution.
+  /// The step to the minimum of the linear problem. `damping` is that of Levenberg and Marquardt, relative to
+  /// the diagonal. Nothing if the equations have no solution.
   [[nodiscard]] std::optional<Vector> step(double damping = 0) const {
     Matrix damped = information;
     damped.diagonal() *= 1 + damping;

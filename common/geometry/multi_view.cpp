@@ -28,13 +28,13 @@ constexpr double kClearRatio = 1.1;
 /// Share of the cost: a step that gains less is the last.
 constexpr double kLeastGain = 1e-4;
 
-/// Of the squared sine between a ray and the motion, which has length 1: a point seen along it has no
-/// depth.
+/// Least squared sine of the angle between a ray and the motion, which has length 1: a point seen along the
+/// motion has no depth.
 constexpr double kAlongMotion = 1e-12;
-/// Of the focal length of a camera that counts as known; a turn of 30 degrees/s that is read for a 30th of a
-/// second leaves as much of the image's height and shear.
+/// Relative standard deviation of the focal length of a camera that counts as known. A turn of 30 degrees/s
+/// that is read for a 30th of a second changes the image's height and shear by as much.
 constexpr double kCommonSigma = 0.0125;
-/// Of the smallest pivot to the largest: below, the views do not determine their poses.
+/// Least ratio of the smallest pivot to the largest: below, the views do not determine their poses.
 constexpr double kSingular = 1e-12;
 
 /// Poses of the further views in the first, and each point's inverse distance along its first ray.
@@ -77,7 +77,7 @@ double robust_cost(const std::vector<double>& squared, double squared_cutoff) {
   return sum;
 }
 
-/// That of the view which fits worst: one for all views would let the others leave it out.
+/// The squared cut-off of the view which fits worst: one for all views would let the others leave it out.
 double cutoff_of(std::vector<double> squared, size_t points) {
   double cutoff = std::pow(kTukeyCutoffPerSigma * kLeastNoise, 2);
   for (size_t at = 0; at < squared.size(); at += points) {
@@ -185,7 +185,7 @@ Structure moved(const Structure& s, const Reduced& r, const Eigen::VectorXd& ste
   return next;
 }
 
-/// With what it leaves of each point in each view.
+/// A structure with the squared residual that it leaves of each point in each view.
 struct Judged {
   Structure structure;
   std::vector<double> squared;
@@ -242,7 +242,7 @@ Structure begin_with(const Problem& problem, const SE3& motion) {
 
 using CommonErrors = Matrix23d;  ///< by column: focal length, height, shear
 
-/// What the views leave open of an adjusted motion and its points.
+/// How uncertain an adjusted motion and its points are.
 struct Uncertainty {
   double direction = std::numeric_limits<double>::infinity();  ///< as in AdjustedMotion
   double depth = std::numeric_limits<double>::infinity();
@@ -289,7 +289,8 @@ CommonErrors added_to_residual(const Problem& problem, const Structure& s, size_
   return added;
 }
 
-/// By how much they spoil each point's inverse distance, over it, as nobody looks for them: row by point.
+/// How far each of the common errors moves each point's inverse distance, relative to that distance, when
+/// nobody allows for it. A row for each point, a column for each error.
 Eigen::MatrixXd spoilt_by_common_errors(const Problem& problem, const Structure& s, NormalEquations equations,
                                         const Eigen::LDLT<Eigen::MatrixXd>& factors, double squared_cutoff) {
   const auto n = static_cast<Eigen::Index>(problem.points());

@@ -22,7 +22,7 @@ struct MultiView {
   std::vector<FurtherView> further;    ///< at least one
 };
 
-/// What a motion of the pair (find_motions) became when all views had their say.
+/// What a motion of the pair (find_motions) became when it was adjusted to all views.
 struct AdjustedMotion {
   SE3 last_from_first;         ///< |translation| = 1
   double cost = 0;             ///< Tukey's, with one cut-off for all the motions [px^2]

@@ -19,13 +19,14 @@ struct NormalEquations {
   [[nodiscard]] Matrix6d information() const;
 };
 
-/// With what a program sums up: both give the same bytes.
+/// How many lanes of a register the sums are made with; both give the same bytes.
 enum class SumLanes { kTwo, kFour };
 
-/// The most that this machine has (four: AVX2).
+/// The most lanes that this machine has (four: AVX2).
 [[nodiscard]] SumLanes best_sum_lanes();
 
-/// Of the observations whose weight is above 0; as many weights as observations.
+/// The normal equations of the observations whose weight is above 0. There are as many weights as
+/// observations.
 [[nodiscard]] NormalEquations sum_up(std::span<const PoseWorkspace::Linearized> observations,
                                      std::span<const double> weights, SumLanes lanes = best_sum_lanes());
 

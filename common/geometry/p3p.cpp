@@ -128,7 +128,8 @@ Eigen::Vector3d eigenvector(const Eigen::Matrix3d& symmetric, double eigenvalue)
       ->normalized();
 }
 
-/// Nothing: the two are not of opposite signs. That the third is zero is taken for granted.
+/// The eigenvalues of opposite signs and their eigenvectors, of a matrix whose third eigenvalue is zero,
+/// which is taken for granted. Nothing: the two are not of opposite signs.
 std::optional<OppositeEigen> opposite_eigen(const Eigen::Matrix3d& m) {
   const double minors = m(0, 0) * m(1, 1) - m(0, 1) * m(0, 1) + m(0, 0) * m(2, 2) - m(0, 2) * m(0, 2) +
                         m(1, 1) * m(2, 2) - m(1, 2) * m(1, 2);

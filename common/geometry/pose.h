@@ -30,15 +30,15 @@ struct BearingObservation {
   double sigma = 1.0;  ///< of the measurement [px of level 0]
 };
 
-/// Where the camera is, by other means than what it sees.
+/// Where the camera is, as known by other means than what it sees.
 struct PositionPrior {
   Eigen::Vector3d center_in_map = Eigen::Vector3d::Zero();
   double sigma = 1.0;  ///< in each direction [map unit]
 };
 
 /// What a pose may be fitted to beside points. A bearing's distance is marginalised: as far as it is not
-/// known, the bearing says nothing along its epipolar line. One that is not known to a fifth says nothing of
-/// the position: it holds the rotation and not more.
+/// known, the bearing says nothing along its epipolar line. A bearing whose distance is not known to a fifth
+/// says nothing of the position: it holds the rotation and not more.
 struct PoseSupplement {
   std::span<const BearingObservation> bearings;
   std::optional<PositionPrior> position;
@@ -64,8 +64,8 @@ struct PoseEstimate {
   Matrix6d covariance = Matrix6d::Identity();  ///< with what is known of the position
 };
 
-/// What optimize_pose computes with, kept from call to call by who has no time to allocate. What is in it
-/// means nothing to others. One thread.
+/// The memory of optimize_pose(), kept from call to call by callers that have no time to allocate. What is in
+/// it means nothing to others. One thread.
 struct PoseWorkspace {
   /// One observation linearized at the present pose, whitened by its sigma.
   struct Linearized {
@@ -85,13 +85,13 @@ struct PoseWorkspace {
 [[nodiscard]] Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                                  std::span<const PointObservation> observations,
                                                  const PoseOptions& options = {});
-/// As above, in memory that is there: no allocation where as many observations were before. On an error
+/// The same in memory that is there: it does not allocate where as many observations were before. On an error
 /// `estimate` is left with nothing of use.
 [[nodiscard]] Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                    std::span<const PointObservation> observations, const PoseOptions& options,
                                    PoseWorkspace* workspace, PoseEstimate* estimate);
-/// As above, with `supplement` beside the points; without anything in it, equal to the bit. Of points and
-/// bearings together there must be 4.
+/// The same, fitted to `supplement` too; with an empty one the result is equal to the bit. Points and
+/// bearings together must be 4 at least.
 [[nodiscard]] Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                    std::span<const PointObservation> observations,
                                    const PoseSupplement& supplement, const PoseOptions& options,

@@ -52,7 +52,7 @@ class SE3 {
   [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& point) const {
     return rotation_ * point + translation_;
   }
-  /// Where the origin of the target frame lies in the source frame: the camera centre of a `camera_from_map`.
+  /// The origin of the target frame in the source frame: the camera centre of a `camera_from_map`.
   [[nodiscard]] Eigen::Vector3d center() const { return -(rotation_.conjugate() * translation_); }
   [[nodiscard]] bool is_finite() const { return rotation_.coeffs().allFinite() && translation_.allFinite(); }
 

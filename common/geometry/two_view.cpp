@@ -66,7 +66,8 @@ RansacOptions drawing_of(NormalizedMatches matches, double cutoff, const TwoView
   return drawing;
 }
 
-/// Of four matches, refined by all its inliers where that pays: a minimal sample carries the noise of four.
+/// The homography of four matches, refined by all its inliers where that pays: a minimal sample carries the
+/// noise of four.
 std::optional<Hypothesis<Eigen::Matrix3d>> homography_of(NormalizedMatches matches,
                                                          const std::array<size_t, 4>& sample, double limit) {
   Eigen::Matrix3d H;
@@ -256,7 +257,7 @@ std::vector<Candidate> candidates_of(NormalizedMatches matches, const Models& mo
   return candidates;
 }
 
-/// What a match costs a candidate because its point lies behind a camera, in units of sigma^2.
+/// The cost that a match adds to a candidate because its point lies behind a camera, in units of sigma^2.
 double cost_of_side(const Candidate& candidate, size_t i) {
   return candidate.frontal[i] - std::min(candidate.epipolar[i], kEpipolarCutoff);
 }

@@ -20,16 +20,16 @@ struct PixelMatch {
 /// A map begun at 0.6 holds, but what is made in it as the camera turns away is off by ten times as much.
 constexpr double kLeastMapParallax = 0.8 * 3.14159265358979 / 180;
 
-/// What a motion must hold to.
+/// The conditions that a motion of two views must meet.
 struct TwoViewCriteria {
   double sigma = 1.0;                                         ///< standard deviation of a match [px]
   double min_median_parallax = 1.2 * 3.14159265358979 / 180;  ///< [rad], over the inliers that triangulate
   double min_inlier_fraction = 0.6;
-  /// Of the inliers: in front of both cameras and reprojected within 4 sigma.
+  /// Least fraction of the inliers that lie in front of both cameras and are reprojected within 4 sigma.
   double min_good_fraction = 0.7;
 };
 
-/// And how it is searched for.
+/// The conditions, and how a motion that meets them is searched for.
 struct TwoViewOptions : TwoViewCriteria {
   int iterations = 300;  ///< RANSAC trials of each model
   int min_matches = 40;

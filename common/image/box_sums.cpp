@@ -25,7 +25,7 @@ void sum_eight(const std::vector<From>& values, size_t count, To* out) {
   }
 }
 
-/// What is found, and what it must still be below.
+/// Collects the matches of a search, and lowers the limit below which the next one must be.
 struct ZmssdMatches {
   float ratio;
   int limit;

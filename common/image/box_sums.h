@@ -20,7 +20,8 @@ class BoxSums {
   /// Windows side by side, and one below the other: none where the image is smaller than one.
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
-  /// Of the windows whose upper left pixels are (left, top) and those right of it.
+  /// The sums of the windows in row `top`: the first belongs to the window whose upper left pixel is (left,
+  /// top), the next ones to those right of it. squares() likewise.
   [[nodiscard]] const uint16_t* sums(int left, int top) const { return &sums_[index(left, top)]; }
   [[nodiscard]] const int32_t* squares(int left, int top) const { return &squares_[index(left, top)]; }
 
@@ -48,7 +49,8 @@ struct PixelRun {
 /// integers.
 void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
                   std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out);
-/// The same without sums: each window costs more, but of a few windows less than the sums of an image do.
+/// The same search without box sums. Each window costs more, but a few windows cost less than the sums of an
+/// image.
 void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
                   float ratio, int* limit, std::vector<PatchMatch>* out);
 

@@ -178,7 +178,7 @@ void append_row_scalar(const uint8_t* row, int width, int y, ptrdiff_t stride, i
   }
 }
 
-/// Of what best_arc() found on both sides of the centre.
+/// The FAST score that follows from what best_arc() returned for brighter and for darker pixels.
 int score_of(int brightest, int darkest, int center) {
   return std::max({brightest - center, center - darkest, 1}) - 1;
 }
@@ -241,7 +241,7 @@ class NonMaximumSuppression {
   const std::vector<int>& scores_;
 };
 
-/// Of products of unhalved central differences.
+/// Sums of the products of a window's gradients, which are unhalved central differences.
 struct GradientSums {
   int xx = 0;
   int xy = 0;

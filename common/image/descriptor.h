@@ -34,7 +34,7 @@ void smooth_for_descriptors(const GrayView& image, GrayImage* out);
 /// has it.
 void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out);
 
-/// One of a set that is near a query.
+/// A descriptor of a set that is near a query, by its index.
 struct NearDescriptor {
   uint32_t index = 0;
   int distance = 0;
@@ -44,13 +44,14 @@ struct IndexRange {
   uint32_t begin = 0;
   uint32_t end = 0;
 };
-/// Beyond it no distance times `ratio` (0 < ratio <= 1) is at most `least`. A step of margin, since the
-/// quotient is rounded: one may be kept that is too far, none is lost.
+/// The distance beyond which no distance times `ratio` (0 < ratio <= 1) is at most `least`. It has a step of
+/// margin, since the quotient is rounded: one may be kept that is too far, none is lost.
 [[nodiscard]] constexpr int farthest_within_ratio(int least, float ratio) {
   return static_cast<int>(static_cast<float>(least) / ratio) + 1;
 }
-/// Of some ranges of a set the nearest, if it is at most `limit` away, and all that lie no farther than
-/// farthest_within_ratio() of it (0 < ratio <= 1). Appended in the order of the ranges.
+/// Appends the nearest descriptor within some ranges of a set, and all in them that lie no farther than
+/// farthest_within_ratio() of its distance (0 < ratio <= 1), in the order of the ranges. Appends none if the
+/// nearest is more than `limit` away.
 void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
                       std::span<const IndexRange> ranges, int limit, float ratio,
                       std::vector<NearDescriptor>* out);

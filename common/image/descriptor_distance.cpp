@@ -42,7 +42,8 @@ CAIRN_INLINE NearestDescriptor scan(const Descriptor& query, std::span<const Des
   return nearest;
 }
 
-/// Of all in the ranges, in their order; `out` has room for them. The least of them.
+/// Writes the distances of all descriptors in the ranges to `out`, in their order; `out` has room for them.
+/// Returns the least of them.
 template <Distance kDistance>
 CAIRN_INLINE int measure_ranges(const Descriptor& query, std::span<const Descriptor> set,
                                 std::span<const IndexRange> ranges, NearDescriptor* out) {

@@ -8,9 +8,9 @@
 /// so that they are the same on every machine whatever its mathematical library.
 namespace cairn {
 
-/// What a test compares: brightness at a with brightness at b [1/4096 px from the corner]. Drawn once, a and
-/// b each from the normal distribution of sigma 5.2 px (BRIEF's G II: a fifth of the patch) within 11.5 px,
-/// and 2 px apart at least.
+/// The two places whose brightness a test compares, a and b [1/4096 px from the corner]. They were drawn
+/// once, each from the normal distribution of sigma 5.2 px (BRIEF's G II: a fifth of the patch) within 11.5
+/// px, and at least 2 px apart.
 struct DescriptorTest {
   int32_t ax, ay, bx, by;
 };

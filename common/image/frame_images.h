@@ -12,8 +12,8 @@
 
 namespace cairn {
 
-/// What the tracker computes from a frame before it looks at a map. Reused without allocation for frames of
-/// one size.
+/// The images that the tracker computes from a frame before it looks at a map. Reused without allocation for
+/// frames of one size.
 class FrameImages {
  public:
   Pyramid pyramid;
@@ -33,14 +33,14 @@ class FrameImages {
     tiny.assign(pyramid.level(kPyramidLevels - 1), kPriorBlur, still_.get());
   }
   [[nodiscard]] const StillMaskPtr& still() const { return still_; }
-  /// What stands still is known better since.
+  /// Replaces the mask, when more is known about what stands still: corners and the tiny image are made anew.
   void use_mask(StillMaskPtr still) {
     still_ = std::move(still);
     has_corners_.fill(false);
     build_tiny();
   }
-  /// Of one level: looked for when first asked, since those of the large levels cost a fifth of a frame's
-  /// time and most frames never need them. One thread.
+  /// The corners of one pyramid level. They are detected at the first call for it, since those of the large
+  /// levels cost a fifth of a frame's time and most frames never need them. One thread.
   [[nodiscard]] const CornerList& corners(int level) const {
     const auto l = static_cast<size_t>(level);
     if (!has_corners_[l]) {

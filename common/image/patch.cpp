@@ -30,13 +30,14 @@ struct SampleGrid {
   int u_per_j;
   int v_per_i;
   int v_per_j;
-  /// Of the reference pixel. Bilinear weights have 8 bits: rounded here, once, instead of at every sample.
+  /// Where the reference pixel lies. Bilinear weights have 8 bits: the rounding is done here, once, instead
+  /// of at every sample.
   int u_origin = kSourceCenter * kOne + (1 << (kFractionBits - 9));
   int v_origin = u_origin;
 
   [[nodiscard]] int u(int i, int j) const { return u_origin + u_per_i * (i - kHalf) + u_per_j * (j - kHalf); }
   [[nodiscard]] int v(int i, int j) const { return v_origin + v_per_i * (i - kHalf) + v_per_j * (j - kHalf); }
-  /// Of the pixels that are (x, y) [template px] away.
+  /// The grid of a template that lies (x, y) [template px] away.
   [[nodiscard]] SampleGrid moved(float x, float y) const {
     const auto part = [](float across, int per_i, float down, int per_j) {
       const float way = across * static_cast<float>(per_i) + down * static_cast<float>(per_j);
@@ -100,7 +101,7 @@ void warp_scalar(const SourcePatch& source, const SampleGrid& grid, RingedTempla
   }
 }
 
-/// Where eight samples lie: the pixel to the upper left of each, and how far [1/256 px] they are from it.
+/// Places of eight samples: the pixel to the upper left of each, and how far [1/256 px] they are from it.
 struct Spots {
   I32x8 index;
   I32x8 fx;
@@ -230,7 +231,8 @@ CAIRN_WIDE void warp_smeared_wide(const SourcePatch& source, const SampleGrid& g
   warp_wide(SmearedPixels(source, ways), grid, out);
 }
 
-/// To the samples of a smear of this way [template px], the middle of which is `aside`.
+/// The offsets from `grid` to the samples of a smear that is as long as `along` [template px] and has its
+/// middle at `aside`.
 SmearWays smear_ways(const SampleGrid& grid, const Eigen::Vector2f& along, const Eigen::Vector2f& aside) {
   // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
   // the whole way.
@@ -248,7 +250,7 @@ SmearWays smear_ways(const SampleGrid& grid, const Eigen::Vector2f& along, const
   return ways;
 }
 
-/// Where each sample of a smear shows the patch, one after the other.
+/// Warps the patch once for each sample of a smear, one after the other, and takes the mean.
 void warp_smeared_scalar(const SourcePatch& source, const SampleGrid& grid, const SmearWays& ways,
                          RingedTemplate* out) {
   std::array<int, RingedTemplate::kPixels> sums{};

@@ -25,7 +25,7 @@ struct ResidualSums {
 /// Weights of the four neighbours of a sub-pixel position (Keys, ICASSP 1981: the cubic with a = -1/2).
 using CubicWeights = std::array<float, 4>;
 
-/// Its four polynomials, a lane each.
+/// The weights of cubic convolution at a position: its four polynomials, a lane each.
 CAIRN_INLINE CubicWeights cubic_weights(float position) {
   F32x4 w = F32x4{-0.5F, 1.5F, -1.5F, 0.5F} * position;
   w = (w + F32x4{1.0F, -2.5F, 2.0F, -0.5F}) * position;

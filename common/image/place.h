@@ -21,8 +21,8 @@ struct PlaceCorner {
   Descriptor descriptor{};
 };
 
-/// What a camera tells of an image to find out where it was taken: its coarsest pyramid level (80x60 of
-/// 640x480; the tiny image of any blur is made from it) and its best corners. About 35 kB.
+/// What a camera tells about an image so that a server can say where it was taken: its coarsest pyramid level
+/// (80x60 of 640x480; the tiny image of any blur is made from it) and its best corners. About 35 kB.
 struct PlaceView {
   GrayImage small;  ///< pyramid level 3
   std::vector<PlaceCorner> corners;

@@ -13,8 +13,9 @@ namespace cairn {
 class Smear {
  public:
   Smear() = default;  ///< of a camera at rest
-  /// Of the `share` of `motion`, from the frame before to this one, that the exposure takes. `width`,
-  /// `height` of the image [px of level 0]. At rest where the small images have nothing in common.
+  /// The smear of a frame whose exposure takes the `share` of `motion`, which is the motion from the frame
+  /// before to this one. `width`, `height` of the image [px of level 0]. No smear where the small images have
+  /// nothing in common.
   Smear(const TinyMotion& motion, float share, int width, int height);
 
   [[nodiscard]] bool is_none() const { return is_none_; }
@@ -31,13 +32,14 @@ class Smear {
   float angle_ = 0;
 };
 
-/// What must be added to the smear that a patch `has` for it to look as with the smear `wanted`: variances
-/// add up, and what lies across is left alone.
+/// The smear to add to one that a patch `has` for it to look as with the smear `wanted`: variances add up,
+/// and what lies across is left alone.
 [[nodiscard]] Eigen::Vector2f missing_smear(const Eigen::Vector2f& wanted, const Eigen::Vector2f& has);
 
-/// As make_template(), but as an image shows the patch whose pixels go the way `smear` [px of level 0] during
-/// its exposure, and moved: template pixel (4, 4) is `aside` [search-level px] of the reference pixel. A
-/// smear that reaches beyond the patch is shortened. False also where it is not finite.
+/// Makes a template as make_template() does, but smeared and moved. It looks as in an image during whose
+/// exposure the patch's pixels go the way `smear` [px of level 0]; template pixel (4, 4) is `aside`
+/// [search-level px] of the reference pixel. A smear that reaches beyond the patch is shortened. False also
+/// where it is not finite.
 [[nodiscard]] bool make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
                                          const Eigen::Vector2f& smear, const Eigen::Vector2f& aside,
                                          PatchTemplate* out);

@@ -14,9 +14,9 @@
 
 namespace cairn {
 
-/// Where a camera's images show something that stands still whatever the camera does: the rim and the notch
-/// of a lens's circle, a water mark, a border. What is found there says nothing of the motion. A grid of
-/// cells of 8x8 px of level 0, which are the pixels of pyramid level 3. Immutable.
+/// The parts of a camera's images that stand still whatever the camera does: the rim and the notch of a
+/// lens's circle, a water mark, a border. What is found there says nothing of the motion. A grid of cells of
+/// 8x8 px of level 0, which are the pixels of pyramid level 3. Immutable.
 class StillMask {
  public:
   /// `still`: one byte a cell in row-major order, other than 0 where the image stands still.
@@ -57,12 +57,13 @@ class StillMask {
 
 using StillMaskPtr = std::shared_ptr<const StillMask>;
 
-/// As on the wire and in files: a bit for each cell, row by row, the lowest bit of a byte first. Of no mask:
-/// none.
+/// The mask as it is sent and kept in files: a bit for each cell, row by row, the lowest bit of a byte first.
+/// Empty for a null mask.
 [[nodiscard]] std::vector<uint8_t> bits_of(const StillMaskPtr& mask);
 /// Bytes of a mask of images of this size [px].
 [[nodiscard]] size_t still_mask_bytes(int image_width, int image_height);
-/// Null when the bits are not as many as such a mask has, or none is set.
+/// The mask that bits_of() gave, for images of this size [px]. Null when the bits are not as many as such a
+/// mask has, or none is set.
 [[nodiscard]] StillMaskPtr still_mask_of(int image_width, int image_height, std::span<const uint8_t> bits);
 
 }  // namespace cairn

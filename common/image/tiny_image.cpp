@@ -112,7 +112,8 @@ class Aligner {
 
   WarpedRow& row(int y) { return rows_[static_cast<size_t>(y % 3)]; }
 
-  /// Where the pixels of a row lie in the current image: (u, v) = (u0 + c dx, v0 + s dx), dx from its middle.
+  /// The line in the current image on which the pixels of a row lie: (u, v) = (u0 + c dx, v0 + s dx), dx from
+  /// the row's middle.
   struct RowPath {
     float u0;
     float v0;

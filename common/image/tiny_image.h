@@ -23,7 +23,8 @@ class TinyImage {
   TinyImage(const GrayView& level3, float sigma, const StillMask* still = nullptr) {
     assign(level3, sigma, still);
   }
-  /// As the constructor, in the memory that is there: no allocation after the first frame of a size.
+  /// Makes the image anew as the constructor does, in the memory that is there: no allocation after the first
+  /// frame of a size.
   void assign(const GrayView& level3, float sigma, const StillMask* still = nullptr);
 
   [[nodiscard]] int width() const { return width_; }

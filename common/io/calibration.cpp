@@ -69,7 +69,7 @@ std::string implausible(const Camera& camera) {
   return why.str();
 }
 
-/// Whatever format its content looks like.
+/// Reads the file in the format that its content looks like.
 Result<CameraParameters> parse_as_told(const calibration::File& file) {
   using namespace calibration;
   if (looks_like_xml(file.content)) return parse_xml(file);

@@ -12,7 +12,7 @@
 // The formats behind read_calibration(), which has read the file and told the format. Within common/io only.
 namespace cairn::calibration {
 
-/// What a reader of one format is given; `path` for messages.
+/// The input of the reader of one format; `path` for messages.
 struct File {
   const std::filesystem::path& path;
   const std::string& content;
@@ -20,7 +20,7 @@ struct File {
   std::string_view camera;  ///< which of several; empty: the only one
 };
 
-/// What says how a lens distorts the image, after the four linear numbers.
+/// How the coefficients after the four linear numbers describe a lens's distortion.
 enum class Distortion { kRadtan, kEquidistant, kFov, kNone };
 
 /// OpenCV's FileStorage as XML.
@@ -45,7 +45,7 @@ enum class Distortion { kRadtan, kEquidistant, kFov, kNone };
 [[nodiscard]] Result<CameraParameters> parse_text(const File& file);
 
 [[nodiscard]] tl::unexpected<Error> wrong(std::string message);
-/// For a camera that was named to a file whose format names none.
+/// The error for a camera that was named to a file whose format names none.
 [[nodiscard]] tl::unexpected<Error> names_no_camera(const File& file);
 /// Which of the cameras in a file is meant: the one that was named, or the only one.
 [[nodiscard]] Result<std::string> choose_camera(const File& file, const std::vector<std::string>& names);
@@ -62,7 +62,7 @@ enum class Distortion { kRadtan, kEquidistant, kFov, kNone };
 /// them.
 [[nodiscard]] CameraParameters in_pixels(ImageSize size, const std::vector<double>& sides);
 
-/// Of pinhole-radtan.
+/// How many values a pinhole-radtan camera has.
 constexpr size_t kRadtanValues = 9;
 
 constexpr std::string_view kFormats =

@@ -33,7 +33,7 @@ class Keys {
   [[nodiscard]] tl::unexpected<Error> error_at(const char* key, const std::string& message) const {
     return error_at(root_[key], message);
   }
-  /// Of the file as a whole.
+  /// An error about the file as a whole.
   [[nodiscard]] tl::unexpected<Error> error(const std::string& message) const {
     return wrong(file_.path.string() + ": " + message);
   }

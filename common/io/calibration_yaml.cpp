@@ -192,7 +192,7 @@ Result<CameraParameters> parse_vins(const Keys& keys) {
 
 // ---- OpenCV's FileStorage as XML
 
-/// What stands between <name ...> and </name>; nothing if it is not there.
+/// The text between <name ...> and </name>; nothing if the element is not there.
 std::optional<std::string_view> element(std::string_view xml, const std::string& name) {
   for (size_t at = xml.find("<" + name); at != std::string_view::npos; at = xml.find("<" + name, at + 1)) {
     const char next = at + 1 + name.size() < xml.size() ? xml[at + 1 + name.size()] : '\0';

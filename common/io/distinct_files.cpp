@@ -18,7 +18,7 @@ struct Identity {
   friend bool operator==(const Identity&, const Identity&) = default;
 };
 
-/// What a link leads to that leads to no file yet.
+/// The path at the end of a chain of links, for links that lead to no file yet.
 std::filesystem::path follow(std::filesystem::path path) {
   constexpr int kMostLinks = 40;  // as the kernel
   std::error_code error;

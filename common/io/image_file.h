@@ -13,7 +13,8 @@
 
 namespace cairn {
 
-/// What becomes 0 and 255 of images with more than 8 bits; what is below or above, too.
+/// The values that become 0 and 255 in images with more than 8 bits. Values below and above become 0 and 255
+/// too.
 struct GrayLevels {
   int black = 0;
   int white = 65535;
@@ -32,11 +33,11 @@ struct DeepImage {
 /// images with more than 8 bits the upper 8 are taken, or what `levels` makes of them. Thread-safe.
 [[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes,
                                                   const std::optional<GrayLevels>& levels = {});
-/// As decode_gray_image(), with all bits.
+/// Decodes an image as decode_gray_image() does, but keeps all bits.
 [[nodiscard]] Result<DeepImage> decode_deep_image(std::span<const uint8_t> bytes);
 
-/// As decode_gray_image() from a file, upright as viewers show it (orientation.h); errors name it: kNotFound,
-/// kIo, kDamaged (empty, cut, not an image).
+/// Reads an image file and decodes it as decode_gray_image() does, but turned upright as viewers show it
+/// (orientation.h). Errors name the file: kNotFound, kIo, kDamaged (empty, cut, not an image).
 [[nodiscard]] Result<GrayImage> read_gray_image(const std::filesystem::path& path,
                                                 const std::optional<GrayLevels>& levels = {});
 

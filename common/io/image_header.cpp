@@ -67,7 +67,8 @@ Result<ImageHeader> read_png(Bytes bytes) {
                      chunks.orientation, chunks.complete};
 }
 
-/// Of a marker segment APP1: its marker and length, "Exif", two zeros, and the TIFF structure.
+/// The orientation in a JPEG's marker segment APP1, which is: marker and length, "Exif", two zeros, and the
+/// TIFF structure. Nothing for another segment.
 std::optional<int> jpeg_orientation(Bytes segment) {
   constexpr uint8_t kApp1 = 0xE1;
   constexpr std::array<uint8_t, 6> kExif = {'E', 'x', 'i', 'f', 0, 0};

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// Of RFC 3986, and what parts a path.
+/// Whether a byte stands for itself in a URI's path: the unreserved characters of RFC 3986, and the slash.
 bool stays_in_uri(unsigned char c) {
   return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
          std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos;

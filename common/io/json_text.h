@@ -9,13 +9,14 @@
 /// tells of is done; these never do: each such byte becomes U+FFFD.
 namespace cairn {
 
-/// For people and files. `indent` below 0: on one line.
+/// The text of a JSON value for people and files. `indent` below 0: on one line.
 template <typename Json>
 [[nodiscard]] std::string json_text(const Json& json, int indent = -1) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-/// For the wire: on one line, ASCII with escapes for the rest, so that whatever is in it passes as a text.
+/// The text of a JSON value for the wire: on one line, ASCII with escapes for the rest, so that it is a valid
+/// text whatever is in it.
 template <typename Json>
 [[nodiscard]] std::string json_ascii(const Json& json) {
   return json.dump(-1, ' ', true, Json::error_handler_t::replace);

@@ -12,8 +12,8 @@ namespace cairn {
 
 inline constexpr int kUpright = 1;
 
-/// Of the TIFF structure that Exif is. kUpright where it says nothing that makes sense. Never reads outside
-/// `tiff`.
+/// Reads the orientation from the TIFF structure that Exif is. kUpright where it says nothing that makes
+/// sense. Never reads outside `tiff`.
 [[nodiscard]] int exif_orientation(std::span<const uint8_t> tiff);
 
 /// Whether width and height are exchanged when it is shown.

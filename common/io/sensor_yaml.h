@@ -16,11 +16,12 @@ struct SensorMount {
   SE3 body_from_sensor;  ///< T_BS [m]
   std::string type;      ///< sensor_type; empty: not said
 
-  /// Of that type, or of none that is said.
+  /// Whether the sensor is of the wanted type, or its type is not said.
   [[nodiscard]] bool may_be(std::string_view wanted) const { return type.empty() || type == wanted; }
 };
 
-/// Nothing for a file without T_BS. Errors: kNotFound, kIo, kConfiguration (T_BS is no rigid motion).
+/// Reads a sensor.yaml. Nothing for a file without T_BS. Errors: kNotFound, kIo, kConfiguration (T_BS is no
+/// rigid motion).
 [[nodiscard]] Result<std::optional<SensorMount>> read_sensor_mount(const std::filesystem::path& path);
 
 /// How a camera goes with an IMU, as Kalibr says in its camchain.
@@ -29,8 +30,8 @@ struct KalibrImu {
   double time_shift = 0;  ///< timeshift_cam_imu [s]: the IMU's time is the camera's and this
 };
 
-/// Of cam0. Nothing for a file without T_cam_imu. Errors: kNotFound, kIo, kConfiguration (T_cam_imu is no
-/// rigid motion, or the time shift no number of +-1e9 s).
+/// Reads how cam0 of a camchain goes with its IMU. Nothing for a file without T_cam_imu. Errors: kNotFound,
+/// kIo, kConfiguration (T_cam_imu is no rigid motion, or the time shift no number of +-1e9 s).
 [[nodiscard]] Result<std::optional<KalibrImu>> read_kalibr_imu(const std::filesystem::path& path);
 
 }  // namespace cairn

@@ -24,8 +24,8 @@ struct TextLine {
 [[nodiscard]] Result<std::string> read_file(const std::filesystem::path& path,
                                             size_t max_bytes = size_t{256} << 20);
 
-/// As read_file(), for files that people write and other programs export: what plain_text() makes of the
-/// bytes. Its error kDamaged, too.
+/// Reads a file that people write or other programs export: what plain_text() makes of its bytes. Errors as
+/// those of read_file(), and kDamaged of plain_text().
 [[nodiscard]] Result<std::string> read_text_file(const std::filesystem::path& path,
                                                  size_t max_bytes = size_t{256} << 20);
 
@@ -43,7 +43,7 @@ struct TextLine {
 /// All lines, trimmed of blanks. `content` must outlive the result.
 [[nodiscard]] std::vector<TextLine> all_lines(std::string_view content);
 
-/// Without leading and trailing blanks, tabs and carriage returns.
+/// The text without leading and trailing blanks, tabs and carriage returns.
 [[nodiscard]] std::string_view trim(std::string_view text);
 /// Fields between blanks, tabs or commas; never an empty one.
 [[nodiscard]] std::vector<std::string_view> split_fields(std::string_view line);

@@ -117,7 +117,8 @@ bool is_not_finite(std::string_view text) {
   return error == std::errc() && end == text.data() + text.size() && !std::isfinite(value);
 }
 
-/// Nothing for a row that says that there is no pose: NaN, or the zeros of a motion capture that saw nothing.
+/// Reads a row. Nothing for one that says that there is no pose: NaN, or the zeros of a motion capture that
+/// saw nothing.
 Result<std::optional<StampedPose>> parse_row(std::string_view text, const RowForm& form) {
   const auto fields = split_fields(text);
   if (fields.size() < kPoseFields || (fields.size() > kPoseFields && !form.has_more_fields))

@@ -58,7 +58,7 @@ class TrajectoryWriter {
   /// nanosecond, 9 decimals, qw >= 0. The first fault so far, kIo (disk full, rows left out); the rows after
   /// it are tried all the same.
   [[nodiscard]] Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
-  /// As StreamWriter::finish(). Without it, a regular file is completed by the destructor.
+  /// Completes the file as StreamWriter::finish() does. Without it, the destructor completes a regular file.
   [[nodiscard]] Status finish(
       DrainPatience patience = {}, const std::function<bool()>& stop_requested = [] { return false; });
 

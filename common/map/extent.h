@@ -30,11 +30,11 @@ using Extent = std::variant<Box, Sphere>;
 /// Whether `place` lies inside or on the border; false for what is not finite.
 [[nodiscard]] bool contains(const Extent& extent, const Eigen::Vector3d& place);
 
-/// Error kUsage, with what is wrong: a number that is not finite, a box whose corners are the wrong way
-/// round or that has no inside, a radius that is not positive.
+/// Checks an extent. Error kUsage, with what is wrong: a number that is not finite, a box whose corners are
+/// the wrong way round or that has no inside, a radius that is not positive.
 [[nodiscard]] Status check(const Extent& extent);
 
-/// For a person: "box -1.00 0.00 -1.00 to 2.00 1.50 1.00" or "2.00 around 0.00 1.00 0.00".
+/// An extent in words for a person: "box -1.00 0.00 -1.00 to 2.00 1.50 1.00" or "2.00 around 0.00 1.00 0.00".
 [[nodiscard]] std::string describe(const Extent& extent);
 
 /// Why something ("its camera") may not be there, for a person.

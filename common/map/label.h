@@ -23,7 +23,7 @@ enum class LabelKind : uint8_t {
   kLast = kModel,
 };
 
-/// What somebody has said of a place in a map.
+/// A text that somebody has put at a place of a map.
 struct Label {
   LabelId id;
   LabelKind kind = LabelKind::kText;

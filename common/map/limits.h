@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-/// What the map maker, the wire and the store must agree on.
+/// Limits on which the map maker, the wire and the store must agree.
 namespace cairn {
 
 /// Points or keyframes per block; a patch block stays below 64 kB on the wire.
@@ -18,28 +18,29 @@ inline constexpr size_t kMaxPoints = kMaxBlocks * kBlockSlots;
 inline constexpr size_t kMaxKeyframeBlocks = 512;
 inline constexpr size_t kMaxKeyframes = kMaxKeyframeBlocks * kBlockSlots;
 
-/// [bytes] Of a map's name.
+/// [bytes] Longest name of a map.
 inline constexpr size_t kMaxNameBytes = 128;
 
-/// Of a two-view start: the answer names a point for each, and stays below 64 kB.
+/// Most trails of a two-view start: the answer names a point for each, and stays below 64 kB.
 inline constexpr size_t kMaxTrails = 4000;
 
-/// Points of a map found in a frame.
+/// Most points of a map found in a frame.
 inline constexpr size_t kMaxMeasurements = 8192;
 
-/// Corners without a point of the map that come with an offered keyframe.
+/// Most corners without a point of the map that come with an offered keyframe.
 inline constexpr size_t kMaxCandidates = 256;
 
-/// Cameras that are self-calibrated in a map and named by its revisions; more are not told.
+/// Most cameras that are self-calibrated in a map and named by its revisions; more are not told.
 inline constexpr size_t kMaxCalibratedCameras = 64;
 
-/// [map unit] Of coordinates and distances.
+/// [map unit] Largest coordinate or distance.
 inline constexpr double kMaxLength = 1e6;
 
-/// [ns] Before and after the epoch, of any camera's clock: differences of two never overflow. 146 years.
+/// [ns] Largest time before or after the epoch, of any camera's clock: differences of two never overflow. 146
+/// years.
 inline constexpr int64_t kMaxTime = int64_t{1} << 62;
 
-/// By how much the norm of a quaternion or direction may differ from 1: as double, and as float.
+/// How much the norm of a quaternion or direction may differ from 1: as double, and as float.
 inline constexpr double kUnitTolerance = 1e-6;
 inline constexpr float kUnitToleranceFloat = 1e-3F;
 

@@ -24,7 +24,7 @@ class MapSet {
   [[nodiscard]] bool contains(const MapId& map) const {
     return !maps_ || std::ranges::binary_search(*maps_, map);
   }
-  /// Those of `maps` that are among these, in their order.
+  /// Those of `maps` that belong to this set, in their order.
   [[nodiscard]] std::vector<MapId> among(std::span<const MapId> maps) const {
     std::vector<MapId> those;
     std::ranges::copy_if(maps, std::back_inserter(those), [this](const MapId& map) { return contains(map); });

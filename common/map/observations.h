@@ -15,7 +15,7 @@ struct Trail {
   Eigen::Vector2f second = Eigen::Vector2f::Zero();
 };
 
-/// What a tracker says of itself with every frame. On the wire by its number; grow only at the end.
+/// The state that a tracker tells with every frame. The wire carries its number, so it grows only at the end.
 enum class TrackingState : uint8_t {
   kStarting = 0,  ///< no map yet: following trails
   kTracking = 1,

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What came of a relocalization query.
+/// How a relocalization query ended.
 enum class RelocalizationVerdict : uint8_t {
   kConfirmed = 0,    ///< geometry agrees; the tracker's verification is still to come
   kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)

@@ -20,8 +20,8 @@
 /// either without a network.
 namespace cairn {
 
-/// Where a point's patch was cut, and what it shows. Of this only the rays and the normal ever change: where
-/// the source camera was found to be another than was believed.
+/// Where a point's patch was cut, and what it shows. Only its rays and its normal ever change: when the
+/// source camera's calibration turns out to differ from what was believed.
 struct PointSource {
   PointId id;
   KeyframeId keyframe;  ///< the keyframe whose image gave the patch
@@ -44,7 +44,7 @@ struct PatchBlock {
   std::vector<PointSource> points;
 };
 
-/// From where a point has been seen: what lets a tracker know that it should not see it now.
+/// From where a point has been seen, which tells a tracker from where it should not expect to see it.
 struct PointVisibility {
   /// Unit, from the point to the cameras, map frame; 0 = unknown.
   Eigen::Vector3f mean_direction = Eigen::Vector3f::Zero();
@@ -142,8 +142,8 @@ struct MapSnapshot {
   bool metric = false;  ///< whether the map unit is known to be a metre
   std::vector<std::shared_ptr<const PointBlock>> point_blocks;
   std::vector<std::shared_ptr<const KeyframeBlock>> keyframe_blocks;
-  /// Of the cameras that are self-calibrated in this map, the values that this revision was made with: who
-  /// tracks on it with such a camera needs them.
+  /// For each camera that is self-calibrated in this map, the version of its values that this revision was
+  /// made with. Whoever tracks on the map with such a camera needs them.
   std::vector<CameraVersion> cameras;
 
   /// Slot of a live point; nothing when it is unknown or gone. O(log blocks).

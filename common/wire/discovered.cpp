@@ -31,7 +31,7 @@ std::string words_of(const dds_qos_t* qos) {
   return words.empty() ? "it says nothing of itself" : words;
 }
 
-/// What the built-in topic of a kind of peers says of one.
+/// The built-in topic that tells of a kind of peers, and how it does.
 template <typename Peer>
 struct BuiltIn;
 

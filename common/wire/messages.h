@@ -128,7 +128,7 @@ struct ClientRequest {
   LabelId label;                      ///< to be renamed or removed
   LabelKind kind = LabelKind::kText;  ///< of one to be added
   std::string text;                   ///< at most kMaxLabelBytes
-  /// Where to add it: relative to a keyframe, so it survives adjustments on the way.
+  /// The place where the label is added, relative to a keyframe, so that it survives adjustments on the way.
   Epoch epoch;
   KeyframeId reference;
   SE3 reference_from_label;  ///< the keyframe's camera from the label
@@ -343,9 +343,9 @@ struct AdminReply {
   std::vector<uint8_t> data;
 };
 
-/// Of a piece of an archive in either.
+/// [bytes] Longest piece of an archive in a request or a reply of an operator.
 constexpr size_t kMaxAdminData = 60'000;
-/// Of the JSON in either: a long list comes in several replies.
+/// [bytes] Longest JSON in either of them: a long list comes in several replies.
 constexpr size_t kMaxAdminText = 60'000;
 
 }  // namespace cairn::wire

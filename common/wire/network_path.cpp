@@ -57,7 +57,8 @@ sockaddr_in ipv4_of(const sockaddr* address) {
   return ipv4;
 }
 
-/// In the kernel's order.
+/// The interfaces of this machine in the kernel's order, an entry for each of their addresses. The address of
+/// an entry is empty where it is no IPv4 address.
 std::vector<Interface> list_interfaces() {
   ifaddrs* list = nullptr;
   if (getifaddrs(&list) != 0) return {};
@@ -121,7 +122,7 @@ Result<NetworkPath> ask_route(const std::string& address) {
   return find_interface(text_of(local));
 }
 
-/// Errors: what is no name (kUsage), or one without IPv4 address (kNoServer).
+/// The IPv4 address of a host. Errors: what is no name (kUsage), or one without IPv4 address (kNoServer).
 Result<std::string> resolve(const std::string& host) {
   if (host == "localhost") return std::string("127.0.0.1");  // also where /etc/hosts is missing (RFC 6761)
   const auto refuse = [&](ErrorCode code, const std::string& why) {
@@ -151,7 +152,8 @@ Result<std::string> resolve(const std::string& host) {
   return text_of(ipv4_of(found->ai_addr));
 }
 
-/// Nothing without a network: the middleware is left to it.
+/// The interface that leads elsewhere by default, else the first that is up, those with a carrier before
+/// others. Empty without a network: the choice is left to the middleware then.
 NetworkPath find_first_network() {
   if (auto by_default = ask_route(kElsewhere)) return *by_default;
   const std::vector<Interface> all = list_interfaces();

@@ -11,8 +11,8 @@ namespace cairn::wire {
 /// Whether the machine has this IPv4 address at this moment.
 [[nodiscard]] bool has_address(const std::string& address);
 
-/// Of a client, "at 10.77.0.1 by wlan0 (10.77.0.2)"; the server's address is left out where `host`, as it was
-/// named, is that.
+/// A client's way to its server in words, "at 10.77.0.1 by wlan0 (10.77.0.2)". The server's address is left
+/// out where `host`, as it was named, is that address.
 [[nodiscard]] std::string way_to(const std::string& host, const NetworkPath& path);
 
 /// The profile for a server's name when none is asked for: loopback for this host, wifi for any other.

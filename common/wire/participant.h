@@ -91,7 +91,7 @@ class Participant {
   [[nodiscard]] Traffic traffic() const;
   /// When our keys expire, and nobody hears us any more; nothing on an open site.
   [[nodiscard]] std::optional<Timestamp> good_until() const;
-  /// As it was when it joined: addresses that change later are not followed.
+  /// The network path at the time of joining: addresses that change later are not followed.
   [[nodiscard]] const NetworkPath& path() const;
   [[nodiscard]] const std::shared_ptr<internal::Context>& context() const { return context_; }
 

@@ -28,8 +28,8 @@ std::string named(std::string_view subject) {
   return std::string("somebody as ").append(role).append(" ").append(name);
 }
 
-/// What is said of a certificate: "Begin handshake reply failed: Certificate not valid: error: certificate
-/// revoked".
+/// The reason in words, from what the middleware says of a certificate: "Begin handshake reply failed:
+/// Certificate not valid: error: certificate revoked".
 std::string reason_of(std::string_view words) {
   constexpr std::string_view kError = "error: ";
   const size_t at = words.rfind(kError);

@@ -19,12 +19,12 @@ struct RefusedPeer {
   auto operator<=>(const RefusedPeer&) const = default;
 };
 
-/// What a line of the middleware's log says of such a one; nothing: it is about something else. The API has
-/// no other word of it.
+/// The refused peer that a line of the middleware's log tells of; nothing: the line is about something else.
+/// The API has no other word of refusals.
 [[nodiscard]] std::optional<RefusedPeer> refused_peer_in(std::string_view line);
 
-/// Those since they were taken last, each once, and not more than a few: who tries must not fill anything.
-/// Thread-safe.
+/// Collects the peers that were refused since they were taken last, each once, and not more than a few:
+/// whoever tries again and again must not fill anything. Thread-safe.
 class RefusedPeers {
  public:
   static constexpr size_t kMost = 32;

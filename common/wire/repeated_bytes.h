@@ -24,8 +24,8 @@ inline std::vector<dds_entity_t> children_of(dds_entity_t entity) {
   return children;
 }
 
-/// What the writers of a participant have sent again because a reader that was there lacked it: for tests
-/// that are about loss, which show nothing where this stays 0.
+/// The bytes that the writers of a participant have sent again because a reader that was there lacked them.
+/// For tests that are about loss, which show nothing where this stays 0.
 inline uint64_t repeated_bytes(const Participant& participant) {
   uint64_t sum = 0;
   for (const dds_entity_t publisher : children_of(participant.context()->participant())) {

@@ -13,9 +13,9 @@
 #include "common/base/time.h"
 #include "common/wire/messages.h"
 
-/// What a rig, its commander and the server say to each other: the topics RigState and RigCommand, in the
-/// partition of the rig. Arrays of two are pan and tilt. Angles of the axes: pan turns to the left, tilt up;
-/// at 0, 0 the camera looks along the base's x (base: x forward, y left, z up).
+/// The topics RigState and RigCommand, by which a rig, its commander and the server speak, in the partition
+/// of the rig. Arrays of two are pan and tilt. Angles of the axes: pan turns to the left, tilt up; at 0, 0
+/// the camera looks along the base's x (base: x forward, y left, z up).
 namespace cairn::wire {
 
 /// What a rig is told to do, and what it does.
@@ -34,11 +34,11 @@ enum class RigMode : uint8_t {
   kClearStop = 11,  ///< of a command only
   kLast = kClearStop,
 };
-/// As people say it: "clear-stop".
+/// The mode's name as people say it: "clear-stop".
 [[nodiscard]] std::string_view name_of(RigMode mode);
 [[nodiscard]] std::optional<RigMode> parse_rig_mode(std::string_view name);
 
-/// In what order a search looks at what is not ranked.
+/// The order in which a search looks at places that are not ranked.
 enum class RigSearchPattern : uint8_t {
   kSpiral = 0,  ///< around where it began
   kRaster = 1,  ///< in rows
@@ -89,8 +89,8 @@ struct RigAxisState {
   double rate = 0;      ///< [rad/s]
 };
 
-/// Of the IMU's newest sample. The attitude is that of the head, on which it sits: x where the camera looks,
-/// y left, z up. What it measured is in its own axes, as in RigImuSample.
+/// The IMU's newest sample and the attitude. The attitude is that of the head, on which the IMU sits: x where
+/// the camera looks, y left, z up. What the IMU measured is in its own axes, as in RigImuSample.
 struct RigImu {
   Timestamp time;                                          ///< when it was taken, by the host's clock
   Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
@@ -100,7 +100,7 @@ struct RigImu {
   int64_t clock_offset = 0;  ///< what the IMU's own time lacks to the host's [ns]
 };
 
-/// How stamps of the camera lie to those of the IMU, from the poses of the camera's tracker.
+/// How the camera's stamps differ from those of the IMU, as estimated from the poses of the camera's tracker.
 struct RigCameraClock {
   bool known = false;  ///< estimated; not the configuration's
   int64_t offset = 0;  ///< what a stamp of the camera lacks to the IMU's of the same moment [ns]
@@ -113,7 +113,8 @@ struct RigImuSample {
   Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
   Eigen::Vector3f acceleration = Eigen::Vector3f::Zero();  ///< likewise [m/s^2]
 };
-/// Of RigState: at 400 samples a second, the most that a rig takes, each is in two or three states.
+/// Most samples in a RigState: at 400 samples a second, the most that a rig takes, each is in two or three
+/// states.
 constexpr size_t kMaxRigSamples = 10;
 
 /// Topic RigState: presence.
@@ -145,21 +146,22 @@ struct RigState {
   /// least in one.
   std::vector<RigImuSample> samples;
   std::optional<Eigen::Quaterniond> camera_from_imu;  ///< nothing: the configuration does not know
-  /// As RigCameraClock::offset, of the configuration: counts until that is estimated. Nothing: not known.
+  /// [ns] The offset of RigCameraClock as the configuration has it. It counts until one is estimated.
+  /// Nothing: not known.
   std::optional<int64_t> calibrated_offset;
-  /// How the encoders have the camera to what carries the rig, at `time`; nothing: axes are not homed, or do
+  /// The rotation from the camera to the base at `time`, by the encoders. Nothing: axes are not homed, or do
   /// not answer.
   std::optional<Eigen::Quaterniond> base_from_camera;
 };
 
-/// What a stamp of the camera lacks to the IMU's of the same moment [ns]: as estimated at work, else as
-/// calibrated. Nothing: not known.
+/// [ns] What must be added to a stamp of the camera to get the IMU's of the same moment: as estimated at
+/// work, else as calibrated. Nothing: not known.
 [[nodiscard]] std::optional<int64_t> camera_offset(const RigState& state);
 
-/// Of a text in RigState.
+/// [bytes] Longest text in a RigState.
 constexpr size_t kMaxRigText = 360;
-/// Of its refusal and its trouble together, as they are written: a state is one packet, with room for what a
-/// later one has to say.
+/// [bytes] Most for its refusal and its trouble together, as rigs write them: a state is one packet, with
+/// room for what a later one has to say.
 constexpr size_t kMaxRigTexts = 400;
 
 }  // namespace cairn::wire

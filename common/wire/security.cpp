@@ -21,7 +21,8 @@ tl::unexpected<Error> wrong(const fs::path& file, const std::string& what) {
   return fail(ErrorCode::kConfiguration, file.string() + ": " + what);
 }
 
-/// Errors of a file that is missing or not readable are those of a folder that is no security folder.
+/// Reads a file of a security folder. Where that fails, the error kConfiguration also says what --security
+/// takes.
 Result<std::string> text_in(const fs::path& file) {
   auto text = read_file(file, kMostBytes);
   if (text) return text;
@@ -68,7 +69,7 @@ Status check_revocations(const fs::path& file, const X509& authority, const X509
                          " were revoked; `cairnctl keys issue` makes some of another name");
 }
 
-/// What is in a file of one line.
+/// Reads the site's tag, 32 hex digits, from the first line of a file.
 Result<std::string> read_tag(const fs::path& file) {
   const auto text = text_in(file);
   if (!text) return tl::unexpected(text.error());

@@ -27,7 +27,7 @@ struct Security {
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder, Timestamp now);
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder);  ///< at this moment
 
-/// What every program says of its option --security, which takes a DIR.
+/// The help of the option --security, which takes a DIR, in every program.
 inline constexpr const char* kSecurityHelp =
     "security folder that `cairnctl keys issue` made for this program, of a secured site [an open site]";
 

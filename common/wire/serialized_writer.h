@@ -26,8 +26,8 @@ struct Serialized {
   size_t bytes = 0;  ///< of its content
 };
 
-/// As Writer, for messages of which many clients are sent the same, each in its own partition: the blocks of
-/// a map (PointPatches, PointPositions, KeyframePoses). Thread-safe, but for the writes of one message
+/// A Writer for messages that many clients are sent alike, each in its own partition: the blocks of a map
+/// (PointPatches, PointPositions, KeyframePoses). Thread-safe, but for the writes of one message
 /// (Serialized).
 template <typename Message>
 class SerializedWriter {
@@ -38,7 +38,7 @@ class SerializedWriter {
   SerializedWriter& operator=(SerializedWriter&&) noexcept;
   ~SerializedWriter();
 
-  /// For any writer of this topic and participant. Errors as those of Writer::write().
+  /// Serializes a message for any writer of this topic and participant. Errors as those of Writer::write().
   [[nodiscard]] Result<Serialized<Message>> serialize(const Message& message) const;
   /// Hands the message to the middleware, which neither waits for a peer nor copies it. It leaves with
   /// flush() at the latest, so that small ones share datagrams. kInternal for one that a writer of another

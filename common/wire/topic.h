@@ -76,7 +76,7 @@ class ReaderBase {
   /// The one partition of a publication: with DDS Security on, its proven identity. Nothing when it has gone,
   /// or is in several partitions or in none.
   [[nodiscard]] std::optional<std::string> partition_of(PublicationHandle publication) const;
-  /// Whose publication it is; nothing when it has gone.
+  /// The participant whose publication it is; nothing when it has gone.
   [[nodiscard]] std::optional<PeerId> peer_of(PublicationHandle publication) const;
 
   [[nodiscard]] const internal::ReaderEntity& entity() const { return *entity_; }

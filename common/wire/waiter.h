@@ -20,8 +20,8 @@ class Waiter {
   ~Waiter();
 
   [[nodiscard]] Status attach(std::initializer_list<std::reference_wrapper<const ReaderBase>> readers);
-  /// Until an attached reader has something to take, wake() was called (also before this call), or the time
-  /// is over. False only for the last.
+  /// Waits until an attached reader has something to take, wake() was called (also before this call), or the
+  /// time is over. False only for the last.
   bool wait(std::chrono::milliseconds timeout);
   void wake();
 

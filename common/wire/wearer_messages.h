@@ -26,7 +26,7 @@ struct PictureRequest {
 };
 
 constexpr uint32_t kMaxCameraImageSide = 640;  ///< [px]
-/// Of a JPEG: one datagram of the loopback profile.
+/// [bytes] Longest JPEG of a camera's image: one datagram of the loopback profile.
 constexpr size_t kMaxCameraImageBytes = 60'000;
 constexpr size_t kMaxCameraPictureNote = 360;  ///< [bytes]
 

@@ -40,7 +40,7 @@ std::string cut(const std::string& text, size_t most = wire::kMaxRigText) {
   return std::string(cut_text(one_line(text), std::min(most, wire::kMaxRigText)));
 }
 
-/// What is told of where to begin is ranked.
+/// A search by an order. The directions in which it is told to begin are ranked first.
 pointing::Search search_of(const wire::RigCommand& command) {
   pointing::Search search;
   if (command.pattern == wire::RigSearchPattern::kRaster) search.pattern = pointing::Search::Pattern::kRaster;
@@ -90,7 +90,8 @@ void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now, Monoton
   (void)move_target(command, who, now, seen);
 }
 
-/// What is wrong with a target moves nothing; the next one comes soon.
+/// Moves the target of the order that holds. A target that is faulty moves nothing, and the next one comes
+/// soon.
 Status RigBridge::move_target(const wire::RigCommand& command, const std::string& who, MonotonicTime now,
                               MonotonicTime seen) {
   const bool has_moved = command.target != said_.target || command.rates != said_.rates;
@@ -103,7 +104,7 @@ Status RigBridge::move_target(const wire::RigCommand& command, const std::string
                                        : Status();
 }
 
-/// And is not from now on.
+/// Whether an order is new; from then on it is not.
 bool RigBridge::is_new(const wire::CommandId& order) {
   const auto known = std::find_if(newest_.begin(), newest_.end(), [&](const wire::CommandId& other) {
     return other.session == order.session;
@@ -159,7 +160,7 @@ Status RigBridge::aim(const wire::RigCommand& command, const std::string& who, M
   return aimed;
 }
 
-/// Of a mode that looks at something.
+/// The pointing of an order whose mode looks at something.
 Pointing RigBridge::pointing_of(const wire::RigCommand& command) const {
   const auto direction =
       command.target.isZero(0) ? std::nullopt : std::optional<Eigen::Vector3d>(command.target);
@@ -238,7 +239,7 @@ void RigBridge::keep(const ImuSample& sample) {
   if (samples_.size() > wire::kMaxRigSamples) samples_.pop_front();
 }
 
-/// What is done of what was ordered.
+/// The mode that is carried out, which may be less than was ordered.
 RigMode RigBridge::mode() const {
   if (rig_.is_stopped()) return RigMode::kStop;
   return may_move() ? mode_ : RigMode::kIdle;

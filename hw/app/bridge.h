@@ -31,21 +31,22 @@ class RigBridge {
   void stop(MonotonicTime now);
   /// The program ends: the drives are let go, and no order is taken any more.
   void close(MonotonicTime now);
-  /// Whether after that the drives have said so, if they were told to move.
+  /// Whether the drives are let go after close(): they have said so, if they were told to move.
   [[nodiscard]] bool is_let_go(MonotonicTime now) const;
 
   void receive(const ReceivedFrame& frame, MonotonicTime now);
-  /// Estimated while the rig is at work: counts for what is seen from now on, and is reported. One that is
-  /// not known withdraws it: what the configuration says counts again.
+  /// Takes the clock's offset as it is estimated while the rig is at work: it counts for what is seen from
+  /// now on, and is reported. One that is not known withdraws it, and what the configuration says counts
+  /// again.
   void set_camera_clock(const wire::RigCameraClock& clock);
-  /// What the gyro measured since the last call, in its own axes, with stamps of the host; the newest of it
-  /// where nobody asks.
+  /// The rates that the gyro measured since the last call, in its own axes, with stamps of the host; only the
+  /// newest of them where nobody has asked for long.
   [[nodiscard]] std::vector<GyroSample> take_gyro();
   void advance(MonotonicTime now) { rig_.advance(now); }
   [[nodiscard]] MonotonicTime next_due() const { return rig_.next_due(); }
   [[nodiscard]] std::vector<OutgoingFrame> take_frames() { return rig_.take_frames(); }
 
-  /// What is wrong with the bus, in words; empty: nothing. Told before what is wrong with the rig.
+  /// Sets the trouble of the bus, in words; empty: none. It is told before what is wrong with the rig.
   void set_bus_trouble(std::string trouble) { bus_trouble_ = std::move(trouble); }
   [[nodiscard]] wire::RigState state(Timestamp host_time) const;
   [[nodiscard]] const Rig& rig() const { return rig_; }

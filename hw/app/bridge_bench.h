@@ -50,7 +50,7 @@ class BridgeBench {
     bridge_.advance(now_);
     for (const OutgoingFrame& out : bridge_.take_frames()) (void)ends_.first->send(out.frame, out.urgency);
   }
-  /// How long it took; nothing after `most`.
+  /// The time until `holds` is true of the state; nothing if that takes longer than `most`.
   std::optional<std::chrono::milliseconds> until(const std::function<bool(const wire::RigState&)>& holds,
                                                  std::chrono::milliseconds most) {
     for (std::chrono::milliseconds passed(0); passed <= most; ++passed) {
@@ -62,12 +62,12 @@ class BridgeBench {
   void pass(std::chrono::milliseconds time) {
     for (; time.count() > 0; --time) millisecond();
   }
-  /// From now on that is said again, 50 times a second.
+  /// Says an order, and from now on says it again, 50 times a second.
   void order(const wire::RigCommand& command) {
     said_again = command;
     say(command);
   }
-  /// Homed, and idle again.
+  /// Homes the rig, until it is idle again.
   void home() {
     pass(std::chrono::milliseconds(200));
     order(order_of(1, 1, wire::RigMode::kHome));
@@ -83,7 +83,7 @@ class BridgeBench {
         },
         std::chrono::seconds(1)));
   }
-  /// With an image of 30 ms ago.
+  /// Says an order once, with a target seen in an image of 30 ms ago.
   void say(const wire::RigCommand& command) {
     bridge_.obey(command, now_, now_ - std::chrono::milliseconds(30));
   }

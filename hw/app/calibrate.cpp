@@ -30,7 +30,7 @@ int complain(const Error& error) {
   return exit_code(error.code);
 }
 
-/// Of one of `signals`, once and for all.
+/// Whether one of `signals` has come, once and for all.
 class Interrupts {
  public:
   explicit Interrupts(const sigset_t& signals) : signals_(signals) {}
@@ -43,7 +43,7 @@ class Interrupts {
     }
     return interrupted_;
   }
-  /// It is the emergency stop.
+  /// Whether that signal is the emergency stop.
   [[nodiscard]] bool is_stop() const { return is_stop_; }
 
  private:

@@ -14,7 +14,8 @@
 
 namespace cairn {
 
-/// As a tour takes it. `mine`: the newest order of the tour; refusals of others' orders are none of its.
+/// A rig's state as a tour takes it. `mine`: the newest order of the tour; refusals of others' orders are
+/// none of its.
 [[nodiscard]] TourReport report_of(const wire::RigState& state, const wire::CommandId& mine, Timestamp when);
 /// `when`: of the image, by the clock of the tour.
 [[nodiscard]] TourPose pose_of(const wire::TrackerStateMessage& state, Timestamp when);
@@ -22,11 +23,11 @@ namespace cairn {
 /// A session that no other process has.
 [[nodiscard]] SessionId random_session();
 
-/// What a tour wants, as orders of a commander.
+/// Makes a tour's orders into those of a commander.
 class TourCommander {
  public:
   TourCommander(std::string rig, SessionId session);
-  /// To be said again and again; nothing where the tour wants nothing.
+  /// The order that is to be said again and again; nothing where the tour wants nothing.
   [[nodiscard]] std::optional<wire::RigCommand> say(const TourOrder& order);
   [[nodiscard]] const wire::CommandId& newest() const { return command_.order; }
 

@@ -22,7 +22,7 @@ constexpr std::array<odrive::Node, odrive::kMaxNode + 1> all_nodes() {
   return nodes;
 }
 
-/// What a rig needs of each sample of the IMU.
+/// A message that a rig needs of each sample of the IMU.
 struct NeededMessage {
   xsens::Message message;
   const char* name;
@@ -109,7 +109,8 @@ void Examination::receive(const CanFrame& frame) {
   }
 }
 
-/// Those that no axis has, "; heard are 18, 19"; empty: none.
+/// The drives that were heard and that no axis has, "; heard are drives of other node numbers: 18, 19";
+/// empty: none.
 std::string Examination::other_nodes() const {
   std::string list;
   for (const auto& [node, drive] : drives_) {

@@ -26,7 +26,7 @@ struct Check {
 [[nodiscard]] std::vector<Check> check_interface(const std::string& name,
                                                  const Result<InterfaceFacts>& facts);
 
-/// What a bus has on it, told from the frames that come within some time: whether that is the rig of the
+/// Tells what is on a bus, from the frames that come within some time: whether that is the rig of the
 /// configuration. Nothing is sent and nothing moves. Pure.
 class Examination {
  public:

@@ -13,7 +13,7 @@ namespace cairn {
 /// Lines of stdin, without waiting for any.
 class InputLines {
  public:
-  /// One that is there.
+  /// The next line, if a whole one is there.
   [[nodiscard]] std::optional<std::string> next() {
     read_more();
     const size_t end = text_.find('\n');
@@ -23,7 +23,7 @@ class InputLines {
     return line;
   }
 
-  /// No more will come.
+  /// Whether no more lines will come.
   [[nodiscard]] bool has_ended() const { return ended_; }
 
  private:

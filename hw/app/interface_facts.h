@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// What the kernel tells of a CAN interface.
+/// The facts that the kernel tells of a CAN interface.
 struct InterfaceFacts {
   bool is_can = false;
   bool is_up = false;

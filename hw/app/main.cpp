@@ -32,7 +32,7 @@ int complain(const Error& error) {
   return exit_code(error.code);
 }
 
-/// What the gyro and the tracker of the rig's camera say goes to `offsets`, from now on.
+/// Starts the host, and hands to `offsets` what the gyro and the tracker of the rig's camera say from now on.
 void watch_offset(RigHost& host, ScaledClock clock, OffsetWatch* offsets) {
   host.start({[&host, offsets](const wire::RigState&) { offsets->sense(host.loop().take_gyro()); },
               [clock, offsets](const wire::TrackerStateMessage& state) {

@@ -67,7 +67,7 @@ void OffsetWatch::run() {
   }
 }
 
-/// False where it failed.
+/// Estimates the offset, or withdraws it where another tracker has the camera. False where that failed.
 bool OffsetWatch::work(const ClockOffset& sensed, bool is_other_camera) {
   try {
     if (is_other_camera) {

@@ -16,7 +16,7 @@
 
 namespace cairn {
 
-/// What of an estimate counts from now on; nothing where it is not sharp enough. Pure.
+/// The clock's offset that counts from now on, by an estimate; nothing where that is not sharp enough. Pure.
 [[nodiscard]] std::optional<wire::RigCameraClock> camera_clock_of(const CameraAndGyro& found);
 
 /// Estimates while the rig is at work how stamps of its camera lie to those of the IMU, each `period` again,

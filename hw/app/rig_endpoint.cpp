@@ -73,7 +73,7 @@ void RigEndpoint::run() {
   }
 }
 
-/// Each message by itself: what is wrong with one of them is no fault of those that came with it.
+/// Hands on each message by itself: a fault of one is no fault of those that came with it.
 template <typename Message, typename Use>
 void RigEndpoint::take_from_speakers(wire::Reader<Message>& reader, const Use& use) {
   guard([&] {

@@ -20,10 +20,10 @@
 
 namespace cairn {
 
-/// What the network has to do with a rig: orders and the camera's poses that come are handed on, and states
-/// are written. Who gives an order is known by the partition that it came in, which in a secured site nobody
-/// else can write in. With a thread of its own, so that the thread that has the bus never waits for the
-/// network. What a function throws that it calls is logged, and costs the one message that it was called for.
+/// The rig's place in the network: it hands on the orders and the camera's poses that come, and writes
+/// states. Who gives an order is known by the partition that it came in, which in a secured site nobody else
+/// can write in. It has a thread of its own, so that the thread that has the bus never waits for the network.
+/// What a function throws that it calls is logged, and costs the one message that it was called for.
 class RigEndpoint {
  public:
   using Handler = std::function<void(wire::RigCommand)>;
@@ -38,11 +38,12 @@ class RigEndpoint {
   RigEndpoint(const RigEndpoint&) = delete;
   RigEndpoint& operator=(const RigEndpoint&) = delete;
 
-  /// Begins; all are called by its thread, until stop(). `told`, if any, gets each state that was written.
+  /// Begins. The functions are called by its thread, until stop(). `told`, if any, gets each state that was
+  /// written.
   void start(Handler obey, Source take_state, Watcher see, StateWatcher told = {});
   /// There is a state to take. Thread-safe, before start() too.
   void wake() { waiter_.wake(); }
-  /// Afterwards none is called.
+  /// Ends the thread: afterwards none of the functions is called.
   void stop();
 
  private:
@@ -55,7 +56,7 @@ class RigEndpoint {
   void tell_state();
   template <typename Work>
   void guard(const Work& work);
-  /// Nothing: he has gone, or speaks where nobody has a name.
+  /// The one who speaks in a publication. Nothing: he has gone, or speaks where nobody has a name.
   [[nodiscard]] std::optional<wire::RigSpeaker> speaker_of(const wire::ReaderBase& reader,
                                                            wire::PublicationHandle publication);
 

@@ -27,14 +27,15 @@ class RigHost {
                                                              std::unique_ptr<CanBus> bus);
   /// Lets the drives go, as RigLoop does.
   ~RigHost();
-  /// The same, at the end of a process that is to end with that code: the network's closing takes its time.
+  /// Closes the host at the end of a process that is to end with that code: the network's closing takes its
+  /// time.
   void close(int exit_code);
   RigHost(const RigHost&) = delete;
   RigHost& operator=(const RigHost&) = delete;
 
   /// Orders are obeyed and states told from now on. Watchers are called by one thread, until leave_network().
   void start(Watchers watchers);
-  /// No order comes any more.
+  /// Leaves the network: no order comes any more.
   void leave_network() {
     if (endpoint_) endpoint_->stop();
   }

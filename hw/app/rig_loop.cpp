@@ -90,7 +90,7 @@ void RigLoop::run() {
   }
 }
 
-/// What has come is taken before the rig looks at the time: it takes silence for death.
+/// Takes what has come before the rig looks at the time, since it takes silence for death.
 void RigLoop::turn(MonotonicTime now) {
   wake_up_.clear();
   if (stop_asked_.exchange(false)) stop_now(now);
@@ -113,7 +113,7 @@ void RigLoop::turn(MonotonicTime now) {
   if (now >= next_state_) publish(now);
 }
 
-/// One that fails is tried again.
+/// Carries an emergency stop out. One that fails is asked for again.
 void RigLoop::stop_now(MonotonicTime now) {
   try {
     bridge_.stop(now);
@@ -128,7 +128,7 @@ size_t RigLoop::commands_waiting() {
   return commands_.size();
 }
 
-/// One by one: what is wrong with one is no fault of those that came with it.
+/// Takes one order at a time: a fault of one is no fault of those that came with it.
 std::optional<wire::RigCommand> RigLoop::take_command() {
   const std::lock_guard lock(mutex_);
   if (commands_.empty()) return std::nullopt;
@@ -157,7 +157,8 @@ void RigLoop::publish(MonotonicTime now) {
   told_();
 }
 
-/// They are not taken, and that is all; a device that sends nothing else falls silent.
+/// Tells of strange frames. They are not taken, and that is all; a device that sends nothing else falls
+/// silent.
 void RigLoop::tell_strange_frames() {
   const uint64_t count = bridge_.rig().counters().strange_frames;
   if (count == strange_frames_ || !strange_told_.due()) return;

@@ -35,7 +35,7 @@ struct RigLoopOptions {
 /// thread-safe.
 class RigLoop {
  public:
-  /// Begins at once. `told`: there is a state to take; called by the loop's thread. Error kIo.
+  /// Starts the thread at once. It calls `told` when there is a state to take. Error kIo.
   [[nodiscard]] static Result<std::unique_ptr<RigLoop>> start(const RigLoopOptions& options,
                                                               std::unique_ptr<CanBus> bus,
                                                               std::function<void()> told);
@@ -47,7 +47,7 @@ class RigLoop {
   void post(wire::RigCommand command);
   /// Emergency stop. Nothing in it may wait long: it is what a signal asks for.
   void stop();
-  /// As RigBridge has them; samples with stamps of the rig's own clock.
+  /// These do what RigBridge's do; the samples have stamps of the rig's own clock.
   void set_camera_clock(const wire::RigCameraClock& clock);
   [[nodiscard]] std::vector<GyroSample> take_gyro();
   /// The newest state since the last call, if there is one: 100 a second.

@@ -40,7 +40,7 @@ std::string check_name(const std::string& text) {
   return is_valid_name(text) ? "" : "'" + text + "': expected 1 to 32 of a-z, 0-9 and -";
 }
 
-/// What all tasks need.
+/// Adds the options that all tasks need.
 void add_bus_options(CLI::App* app, RigOptions* options) {
   app->add_option("--can", options->can,
                   "interface of the bus, can0 say; needed where devices are not simulated; fd:N is an end of "
@@ -61,7 +61,7 @@ struct Loudness {
   bool quiet = false;
 };
 
-/// What tasks need that are heard on the network.
+/// Adds the options of tasks that are heard on the network.
 void add_network_options(CLI::App* app, RigOptions* options, Loudness* loudness) {
   auto& network = options->network;
   app->add_option("--name", options->name, "of the rig [that of its keys, else of the file]")

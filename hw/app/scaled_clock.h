@@ -18,18 +18,18 @@ class ScaledClock {
   [[nodiscard]] MonotonicTime now() const {
     return MonotonicTime(std::chrono::steady_clock::now().time_since_epoch() / factor_);
   }
-  /// For stamps on the wire: a wall clock that is as slow.
+  /// The time for stamps on the wire, by a wall clock that is as slow.
   [[nodiscard]] Timestamp wall_time() const {
     const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
     return of_wall({std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()});
   }
-  /// Of a time of the machine's wall clock.
+  /// The time of that wall clock at a time of the machine's own.
   [[nodiscard]] Timestamp of_wall(Timestamp time) const { return {time.nanoseconds / factor_}; }
-  /// When, by now(), wall_time() was that.
+  /// The time by now() at which wall_time() was `stamp`.
   [[nodiscard]] MonotonicTime at(Timestamp stamp) const {
     return now() - std::chrono::duration_cast<MonotonicTime::duration>(wall_time() - stamp);
   }
-  /// Of the machine, from now until `time` of this clock; 0 where that has been.
+  /// How long, by the machine's clock, it is from now until `time` of this clock; 0 where that has been.
   [[nodiscard]] std::chrono::nanoseconds until(MonotonicTime time) const {
     return std::max(time - now(), std::chrono::steady_clock::duration(0)) * factor_;
   }

@@ -65,7 +65,7 @@ std::optional<milliseconds> to_time(std::string_view text) {
   return milliseconds(std::llround(seconds * 1000));
 }
 
-/// All that is left of the line; nothing where something is none.
+/// The rest of the line as numbers; nothing where a word is none.
 std::optional<std::vector<double>> read_numbers(std::istringstream& words) {
   std::vector<double> numbers;
   for (double number = 0; words >> number;) numbers.push_back(number);
@@ -248,7 +248,7 @@ void SimulatedRig::set(DeviceFault what, bool on) {
   }
 }
 
-/// It sits on the head.
+/// Moves the IMU with the head, on which it sits.
 void SimulatedRig::move_imu() {
   const auto rate_of = [this](size_t axis) {
     return side(configuration_.axes.at(axis)) * bus_.drive(axis).plant().rate();

@@ -19,7 +19,7 @@
 
 namespace cairn {
 
-/// What may befall simulated devices.
+/// The faults that simulated devices may have.
 enum class DeviceFault : uint8_t {
   kResetPan,
   kResetTilt,
@@ -58,14 +58,14 @@ class SimulatedRig {
   void turn(CanBus& bus, MonotonicTime now);
   /// A fault from now on.
   void inject(DeviceFault what, std::optional<std::chrono::milliseconds> lasts, MonotonicTime now);
-  /// What somebody wants of it from now on: "WHAT" or "WHAT+SECONDS" of a fault, "walk HZ [DEG/S]", "stand",
-  /// "turn DEGREES [SECONDS]". Error kUsage.
+  /// Does what somebody asks for from now on: "WHAT" or "WHAT+SECONDS" of a fault, "walk HZ [DEG/S]",
+  /// "stand", "turn DEGREES [SECONDS]". Error kUsage.
   [[nodiscard]] Status obey(const std::string& line, MonotonicTime now);
-  /// How the head stands on the base, behind the gears' backlash.
+  /// The angles of the head on the base, behind the gears' backlash [rad].
   [[nodiscard]] PanTilt head();
-  /// How its camera truly stands at the time of the last turn(), in the world of Wearer.
+  /// The true pose of its camera at the time of the last turn(), in the world of Wearer.
   [[nodiscard]] SE3 world_from_camera();
-  /// Where each axis has been, and whether it lay at its hard stop: a line each.
+  /// Tells where each axis has been, and whether it lay at its hard stop: a line each.
   void tell_extremes();
 
  private:

@@ -55,7 +55,7 @@ std::string words_of(const PanTilt& place) {
   return fmt::format("pan {:.0f}, tilt {:.0f}", place.pan / kDegree, place.tilt / kDegree);
 }
 
-/// From the least to the most that the tour may use.
+/// The least and the greatest angle of an axis that the tour may use [rad].
 std::pair<double, double> room_of(const AxisConfiguration& axis) {
   const double inside = axis.limits.margin + kSpare;
   return {axis.limits.low + inside, axis.limits.high - inside};
@@ -73,7 +73,7 @@ Glance mean_of(const std::vector<TourPose>& poses, const PanTilt& angles) {
   return glance;
 }
 
-/// How fast an axis is shaken at most, and how far it comes by that.
+/// A shake of an axis: how fast it turns at most, and how far it comes by that.
 struct Swing {
   double rate;   ///< [rad/s]
   double pulse;  ///< [rad/s]: of its phase
@@ -185,7 +185,7 @@ void CalibrationTour::begin(Timestamp now) {
   enter(Step::kHoming, now);
 }
 
-/// What may go wrong in each step that moves.
+/// Checks for what may go wrong in each step that moves.
 Status CalibrationTour::look_after(Timestamp now) {
   if (seconds_between(now, report_->when) > kForRig)
     return refuse("the rig says nothing of itself any more; see what its log says");
@@ -333,7 +333,8 @@ Result<TourOrder> CalibrationTour::shake(Timestamp now) {
                    {rate(AxisName::kPan, report_->angles.pan), rate(AxisName::kTilt, report_->angles.tilt)}};
 }
 
-/// What was seen in shakes before counts too.
+/// Ends a shake and looks whether the clocks' offset is sharp enough. What was seen in shakes before counts
+/// too.
 void CalibrationTour::end_shake(Timestamp now) {
   ++shakes_;
   gyro_found_ = align_camera_and_gyro(gyro_, rotations_);

@@ -16,7 +16,7 @@
 
 namespace cairn {
 
-/// What the rig says of itself. Times of a tour are of one clock, the rig's.
+/// The rig's report on itself. Times of a tour are of one clock, the rig's.
 struct TourReport {
   Timestamp when;
   bool is_homed = false;  ///< both axes know where they stand
@@ -27,7 +27,7 @@ struct TourReport {
       trouble;  ///< why it does not move and what helps, or why it refused the last order; empty: nothing
 };
 
-/// What the tracker of the rig's camera says.
+/// The report of the tracker of the rig's camera.
 struct TourPose {
   Timestamp when;  ///< of the image
   bool is_tracked = false;
@@ -36,7 +36,7 @@ struct TourPose {
   Eigen::Vector3d camera_in_map = Eigen::Vector3d::Zero();
 };
 
-/// What the rig is to do.
+/// The order that a tour gives the rig.
 struct TourOrder {
   enum class What : uint8_t { kNothing, kHome, kJog, kIdle };
   What what = What::kNothing;
@@ -62,20 +62,20 @@ class CalibrationTour {
   void see(const TourPose& pose);
   void sense(const GyroSample& sample);
 
-  /// Rig and tracker are there; nothing has moved yet.
+  /// Whether rig and tracker are there; nothing has moved yet.
   [[nodiscard]] bool is_ready() const { return step_ == Step::kReady; }
-  /// Of what is_ready() waits for: may the axes move now?
+  /// Begins to move, once is_ready(): the person has agreed.
   void begin(Timestamp now);
   /// The order that holds from now on. Error kRefused, with the remedy: the tour has ended without findings.
   [[nodiscard]] Result<TourOrder> advance(Timestamp now);
-  /// After the last step.
+  /// Whether the last step is over.
   [[nodiscard]] bool is_over() const { return step_ == Step::kOver; }
-  /// Error kRefused, with the remedy, where what was seen tells too little.
+  /// The findings. Error kRefused, with the remedy, where what was seen tells too little.
   [[nodiscard]] Result<TourFindings> conclude() const;
 
-  /// What there is to say to the person, since the last call.
+  /// The words for the person since the last call.
   [[nodiscard]] std::vector<std::string> take_words();
-  /// What the axes will do, for the question before.
+  /// Says what the axes will do, for the question whether they may.
   [[nodiscard]] std::string announcement() const;
 
  private:

@@ -25,7 +25,7 @@ constexpr double kLeastCorrelation = 0.7;
 constexpr double kOutlier = 5;  // times the median: a jump of the tracker
 constexpr double kWindow = 20;  // [s]
 
-/// How the IMU stands against its first sample, at any time of the samples.
+/// The rotation of the IMU against its first sample, at any time of the samples.
 class Turning {
  public:
   explicit Turning(std::span<const GyroSample> gyro) : begin_(gyro.front().when) {
@@ -40,14 +40,14 @@ class Turning {
     }
   }
   [[nodiscard]] double time_of(Timestamp stamp) const { return seconds_between(stamp, begin_); }
-  /// Whether the samples reach so far, without a gap.
+  /// Whether the samples reach from `from` to `to` without a gap.
   [[nodiscard]] bool covers(double from, double to) const {
     return marks_.front().time < from && to <= marks_.back().time &&
            std::none_of(gaps_.begin(), gaps_.end(),
                         [&](const Gap& gap) { return gap.from < to && from < gap.to; });
   }
 
-  /// Nothing outside of the samples and in a gap.
+  /// The rotation at a time. Nothing outside of the samples and in a gap.
   [[nodiscard]] std::optional<Eigen::Quaterniond> at(double time) const {
     const auto after = std::lower_bound(marks_.begin(), marks_.end(), time,
                                         [](const Mark& mark, double t) { return mark.time < t; });
@@ -104,7 +104,8 @@ std::vector<VectorPair> pairs_at(double offset, const std::vector<Step>& steps, 
   return pairs;
 }
 
-/// Of the least residual, on tries `spacing` apart, `reach` to either side.
+/// The offset [s] of the least residual among those `spacing` apart, up to `reach` to either side of
+/// `middle`.
 double best_offset(double middle, double reach, double spacing, const std::vector<Step>& steps,
                    const Turning& turning) {
   const auto tries = static_cast<int>(std::lround(reach / spacing));

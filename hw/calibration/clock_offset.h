@@ -12,19 +12,19 @@
 
 namespace cairn {
 
-/// What a gyro says: the mean rate since the sample before, in the IMU's axes [rad/s].
+/// A sample of a gyro: the mean rate since the sample before, in the IMU's axes [rad/s].
 struct GyroSample {
   Timestamp when;  ///< the end of it, by the IMU's clock
   Eigen::Vector3d rate;
 };
 
-/// What a tracker says of how the camera stands.
+/// The rotation of a camera, as a tracker tells it.
 struct CameraRotation {
   Timestamp when;  ///< by the camera's clock
   Eigen::Quaterniond map_from_camera;
 };
 
-/// What gyro and camera are to each other, from a motion that both have seen.
+/// How gyro and camera go with each other, from a motion that both have seen.
 struct CameraAndGyro {
   double offset = 0;       ///< what a stamp of the camera lacks to the IMU's of the same moment [s]
   double sigma = 0;        ///< standard deviation of that [s]
@@ -35,9 +35,9 @@ struct CameraAndGyro {
   bool rotation_known = false;  ///< camera_from_imu: not from turning about one axis only
 };
 
-/// Shifts the one against the other until they agree. Stamps in ascending order; offsets up to 0.3 s are
-/// found. Errors: kRefused for too few images and for a camera that hardly turned; kConfiguration for two
-/// that do not turn alike. The message says what to do. Pure.
+/// Aligns gyro and camera: shifts the one against the other until they agree. Stamps in ascending order;
+/// offsets up to 0.3 s are found. Errors: kRefused for too few images and for a camera that hardly turned;
+/// kConfiguration for two that do not turn alike. The message says what to do. Pure.
 [[nodiscard]] Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
                                                           std::span<const CameraRotation> camera);
 
@@ -46,7 +46,7 @@ class ClockOffset {
  public:
   void sense(const GyroSample& sample);
   void see(const CameraRotation& rotation);
-  /// Those to come are of another camera.
+  /// Forgets the camera's rotations: those to come are of another camera.
   void forget_camera() { camera_.clear(); }
 
   /// Some milliseconds of work: once in a few seconds is enough. Errors: as above.

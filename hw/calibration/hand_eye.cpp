@@ -57,7 +57,7 @@ double weight(Loss kind, double error) {
   return kind == Loss::kSquares ? 1 : 1 / std::max(kLeastError, error);
 }
 
-/// For both rotations.
+/// Fits both rotations to the glances.
 void fit_rotations(const std::vector<Glance>& glances, Loss kind, HandEye& found) {
   const auto linearize = [&](const HandEye& now) {
     LeastSquares<6> equations;  // in a turn of the base, and of the camera, each in its own axes
@@ -113,7 +113,7 @@ bool fit_positions(const std::vector<Glance>& glances, HandEye& found) {
   return true;
 }
 
-/// Those of `all` that fit.
+/// The glances of `all` that fit.
 std::vector<Glance> fitting(std::span<const Glance> all, const HandEye& found) {
   std::vector<double> errors;
   for (const Glance& glance : all) errors.push_back(rotation_error(found, glance).norm());

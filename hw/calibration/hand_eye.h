@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// What was seen at one place of the axes, while the base stood still.
+/// The camera's pose at one place of the axes, seen while the base stood still.
 struct Glance {
   PanTilt angles;  ///< of the encoders
   Eigen::Quaterniond map_from_camera;

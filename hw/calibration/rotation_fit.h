@@ -21,7 +21,7 @@ struct RotationFit {
                      ///< about the first is not known
 };
 
-/// Of two pairs at least.
+/// Fits a rotation and an offset to two pairs at least.
 [[nodiscard]] RotationFit fit_rotation(std::span<const VectorPair> pairs);
 
 }  // namespace cairn

@@ -19,7 +19,7 @@ constexpr std::array<Meaning, 8> kClasses = {{{CAN_ERR_TX_TIMEOUT, BusFault::kTr
                                               {CAN_ERR_BUSOFF, BusFault::kBusOff},
                                               {CAN_ERR_BUSERROR, BusFault::kBusError},
                                               {CAN_ERR_RESTARTED, BusFault::kRestarted}}};
-/// Of byte 1, where the class says that it is the controller.
+/// Meanings of the bits of byte 1, where the class says that it is the controller.
 constexpr std::array<Meaning, 5> kController = {
     {{CAN_ERR_CRTL_RX_OVERFLOW, BusFault::kReceiveOverflow},
      {CAN_ERR_CRTL_TX_OVERFLOW, BusFault::kTransmitOverflow},

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// What a controller reports of itself and of its bus. ISO 11898-1's terms.
+/// A fault that a controller reports of itself and of its bus, in ISO 11898-1's terms.
 enum class BusFault : uint8_t {
   kTransmitTimeout,   ///< the driver gave up a frame
   kArbitrationLost,   ///< a more urgent frame went first: normal on a busy bus
@@ -29,7 +29,7 @@ constexpr size_t kBusFaultKinds = static_cast<size_t>(BusFault::kRestarted) + 1;
 /// The content of an error frame.
 struct BusErrors {
   uint16_t faults = 0;  ///< one bit for each BusFault
-  /// Of the controller, where the driver tells them.
+  /// The controller's error counters, where the driver tells them.
   struct Counters {
     uint8_t transmit = 0;
     uint8_t receive = 0;
@@ -42,7 +42,7 @@ struct BusErrors {
   void add(BusFault fault) { faults = static_cast<uint16_t>(faults | 1U << static_cast<unsigned>(fault)); }
 };
 
-/// Of an error frame of the kernel (linux/can/error.h): the bits of its identifier and its eight bytes.
+/// Decodes an error frame of the kernel (linux/can/error.h): the bits of its identifier and its eight bytes.
 [[nodiscard]] BusErrors decode_error_frame(uint32_t error_class, const std::array<uint8_t, 8>& data);
 
 [[nodiscard]] const char* name_of(BusFault fault);

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// What stands in the way of frames, the worst where there are several.
+/// The state of a bus: what stands in the way of frames, the worst where there are several.
 enum class BusCondition : uint8_t {
   kUp,             ///< frames go and come
   kErrorPassive,   ///< frames go, many of them wrong or without acknowledge
@@ -40,7 +40,7 @@ struct BusHealth {
   BusErrors last_errors;  ///< of the newest error frame
 };
 
-/// One line: the interface, what is wrong with it and what helps; empty when nothing is.
+/// Says in one line the interface, what is wrong with it and what helps; empty when nothing is.
 [[nodiscard]] std::string describe(const BusHealth& health, std::string_view interface_name);
 
 enum class [[nodiscard]] SendOutcome : uint8_t{
@@ -69,7 +69,7 @@ class CanBus {
   /// The next frame that came, if any. It also does what is due to get the bus back, so it is called at
   /// retry_at() at the latest.
   [[nodiscard]] virtual std::optional<ReceivedFrame> receive() = 0;
-  /// To poll for reading, the same for the life of the bus; -1 while there is nothing to poll.
+  /// The descriptor to poll for reading, the same for the life of the bus; -1 while there is nothing to poll.
   [[nodiscard]] virtual int descriptor() const = 0;
   /// When the bus is tried again; nothing while its interface works.
   [[nodiscard]] virtual std::optional<MonotonicTime> retry_at() const = 0;

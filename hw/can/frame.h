@@ -52,7 +52,7 @@ struct CanFilter {
   CanId id{};
   uint32_t mask = 0;
 
-  /// All frames of that identifier, remote ones too.
+  /// Passes all frames of that identifier, remote ones too.
   [[nodiscard]] static CanFilter only(CanId id);
 };
 
@@ -60,9 +60,9 @@ struct CanFilter {
 /// Whether any filter of the list passes it; an empty list passes all.
 [[nodiscard]] bool passes(const std::vector<CanFilter>& filters, const CanFrame& frame);
 
-/// As candump writes it: 241, 0CF029E2.
+/// The identifier as candump writes it: 241, 0CF029E2.
 [[nodiscard]] std::string to_string(CanId id);
-/// As candump writes it: 241#0203, 241#R4, 245##1 and its bytes.
+/// The frame as candump writes it: 241#0203, 241#R4, 245##1 and its bytes.
 [[nodiscard]] std::string to_string(const CanFrame& frame);
 
 }  // namespace cairn

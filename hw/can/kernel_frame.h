@@ -18,9 +18,9 @@ struct KernelFrame {
   size_t size = 0;
 };
 
-/// Of a valid frame.
+/// The kernel's form of a valid frame.
 [[nodiscard]] KernelFrame to_kernel(const CanFrame& frame);
-/// A frame, an error frame, or bytes that are neither.
+/// Reads the kernel's form: a frame, an error frame, or bytes that are neither.
 [[nodiscard]] std::variant<std::monostate, CanFrame, BusErrors> from_kernel(const KernelFrame& kernel);
 [[nodiscard]] can_filter to_kernel(const CanFilter& filter);
 

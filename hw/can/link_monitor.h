@@ -29,7 +29,7 @@ class Backoff {
   std::optional<MonotonicTime> retry_at_;
 };
 
-/// What becomes of a bus, from what the socket meets: the condition, the counters, and when to try what
+/// Keeps the state of a bus, from what the socket meets: the condition, the counters, and when to try what
 /// again. Pure.
 class LinkMonitor {
  public:
@@ -49,7 +49,7 @@ class LinkMonitor {
   /// Whether a routine frame may be tried. Not while bus-off: the kernel would keep it until the controller
   /// is back. That it is back shows in an error frame, or in any frame that is received.
   [[nodiscard]] bool may_send(MonotonicTime now) const;
-  /// Whether the interface does not work, and when it is to be looked at again.
+  /// When the interface is to be looked at again; nothing while it works.
   [[nodiscard]] std::optional<MonotonicTime> link_retry_at() const { return link_backoff_.retry_at(); }
   [[nodiscard]] const BusHealth& health() const { return health_; }
 

@@ -136,7 +136,7 @@ float feedforward_at(const CanFrame& frame, size_t offset) {
   return static_cast<float>(at<int16_t>(frame, offset) * kFeedforwardStep);
 }
 
-/// Of a frame that has the command's length.
+/// The message in a frame that has the command's length.
 Message message_of(Command command, const CanFrame& frame) {
   switch (command) {
     case Command::kHeartbeat:

@@ -110,10 +110,10 @@ struct Addressed {
   bool operator==(const Addressed&) const = default;
 };
 
-/// Error kUsage for a node above 63, and for a number that is not finite or that its field does not hold:
-/// nothing is cut off in silence on its way to a motor.
+/// Makes a message into a frame. Error kUsage for a node above 63, and for a number that is not finite or
+/// that its field does not hold: nothing is cut off in silence on its way to a motor.
 [[nodiscard]] Result<CanFrame> encode(Node node, const Message& message);
-/// Of a frame from or to one of `nodes`.
+/// Reads the message of a frame from or to one of `nodes`.
 [[nodiscard]] Decoded<Addressed> decode(const CanFrame& frame, std::span<const Node> nodes);
 
 /// Passes all frames from and to that drive.

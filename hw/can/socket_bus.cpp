@@ -22,7 +22,7 @@
 namespace cairn {
 namespace {
 
-/// What recvmsg() gave, beside the bytes.
+/// The facts that recvmsg() gave beside the bytes.
 struct Reception {
   KernelFrame kernel;
   std::optional<int64_t> wall_stamp;  ///< [ns]

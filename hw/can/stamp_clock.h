@@ -19,12 +19,13 @@ class StampClock {
     int64_t wall = 0;
     int64_t monotonic = 0;
   };
-  /// Now. Who is interrupted between the two clocks reads them again, so that they hold for one time.
+  /// Reads both clocks now. A thread that is interrupted between them reads them again, so that they hold for
+  /// one time.
   [[nodiscard]] static Reading read();
 
   explicit StampClock(Reading start) : epoch_from_monotonic_(start.wall - start.monotonic) {}
 
-  /// Of a frame that the kernel stamped `wall_stamp` [ns] and that is read `now`.
+  /// The stamp of a frame that the kernel stamped `wall_stamp` [ns] and that is read `now`.
   [[nodiscard]] Timestamp stamp(int64_t wall_stamp, Reading now);
 
  private:

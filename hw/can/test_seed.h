@@ -10,8 +10,8 @@
 // For tests only.
 namespace cairn::testing {
 
-/// For a test that tries something else each time: of CAIRN_TEST_SEED where that is set, as in CI, else of
-/// chance. It is printed, so that what was found can be found again.
+/// A seed for a test that tries something else each time: CAIRN_TEST_SEED where that is set, as in CI, else a
+/// random one. It is printed, so that what a run shows can be repeated.
 inline uint32_t any_seed() {
   const char* given = std::getenv("CAIRN_TEST_SEED");
   const uint32_t seed =

@@ -8,31 +8,31 @@
 
 namespace cairn {
 
-/// How what carries the IMU stands in the world, from its gyro and, slowly, from where its accelerometer
-/// finds up. The gyro's bias is learnt: all of it in each second of rest, which also tells at once where up
-/// is; and else but for the part about the vertical, by which the heading drifts. What the axes turn the
-/// IMU by is no bias, and encoders tell it; a slow and even turn of the wearer, below 1.7 deg/s, cannot be
-/// told from one. Pure.
+/// Estimates the attitude in the world of what carries the IMU, from its gyro and, slowly, from where its
+/// accelerometer finds up. The gyro's bias is learnt: all of it in each second of rest, which also tells at
+/// once where up is; and else but for the part about the vertical, by which the heading drifts. What the axes
+/// turn the IMU by is no bias, and encoders tell it; a slow and even turn of the wearer, below 1.7 deg/s,
+/// cannot be told from one. Pure.
 class Attitude {
  public:
   explicit Attitude(const AttitudeOptions& options) : options_(options) {}
 
-  /// One sample, means since the one before: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the
-  /// IMU's axes, `step` [s] after the one before, and by how much the axes have turned it against the
+  /// Takes one sample, means since the one before: rate of turn [rad/s] and acceleration [m/s^2, up at rest]
+  /// in the IMU's axes, `step` [s] after the one before, and by how much the axes have turned it against the
   /// shoulder since then [rad, a rotation vector in its axes]. The first one sets up, with heading 0.
   void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
               const Eigen::Vector3d& turned = Eigen::Vector3d::Zero());
 
   /// The world (z up) from the IMU.
   [[nodiscard]] const Eigen::Quaterniond& world_from_imu() const { return world_from_imu_; }
-  /// Of the newest sample, without bias, in the IMU's axes [rad/s].
+  /// Rate of turn at the newest sample, without bias, in the IMU's axes [rad/s].
   [[nodiscard]] const Eigen::Vector3d& rate() const { return rate_; }
   [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_; }
   [[nodiscard]] bool is_known() const { return known_; }
 
  private:
-  /// What has been measured since a second ago or less. `turn` is the shoulder's, in the IMU's axes: what the
-  /// gyro says less what the axes did [rad].
+  /// Sums of what has been measured since a second ago or less. `turn` is the shoulder's, in the IMU's axes:
+  /// what the gyro says less what the axes did [rad].
   struct Second {
     double time = 0;  ///< [s]
     int samples = 0;

@@ -85,7 +85,8 @@ void Axis::begin_clearing(MonotonicTime now) {
   estimated_ = heartbeat_ = now;  // its silence counts anew
 }
 
-/// Without setpoints that wait to be sent: they must not follow.
+/// Comes to rest: the drive is told to be idle. Setpoints that wait to be sent are dropped, for they must not
+/// follow.
 void Axis::rest() {
   out_ = {odrive::SetAxisState{odrive::AxisState::kIdle}};
   if (homed_) {

@@ -17,7 +17,7 @@
 
 namespace cairn {
 
-/// What an axis is about. In all but homing, activating and active its drive is to be idle.
+/// The states of an axis. In all but homing, activating and active its drive is to be idle.
 namespace axis_state {
 struct Unknown {};  ///< idle, not homed: where it stands is not known
 struct Homing {
@@ -57,31 +57,31 @@ class Axis {
   // Commands. Error kRefused says what is in the way.
   [[nodiscard]] Status home(MonotonicTime now);
   [[nodiscard]] Status activate(MonotonicTime now);
-  /// Only an active one follows it.
+  /// Sets the demand, which only an active axis follows.
   void demand(const Demand& demand) { demand_ = demand; }
   void idle();
-  /// Of a fault; what clears it is the drive's answer.
+  /// Asks the drive to clear a fault; what clears it is the drive's answer.
   void clear(MonotonicTime now);
-  /// Emergency: at once, whatever it was about, until release().
+  /// Emergency stop: at once, whatever the axis was doing, until release().
   void stop();
   void release(MonotonicTime now);
 
   void receive(const odrive::Message& message, MonotonicTime now);
-  /// A period has passed.
+  /// Goes on by a period that has passed.
   void advance(MonotonicTime now);
-  /// What is to be sent to the drive, in order.
+  /// The messages that are to be sent to the drive, in order.
   [[nodiscard]] std::vector<odrive::Message> take_messages() { return std::exchange(out_, {}); }
 
   [[nodiscard]] const AxisState& state() const { return state_; }
   [[nodiscard]] std::optional<AxisFault> fault() const;
   /// Whether its drive has been told to move and not told otherwise.
   [[nodiscard]] bool may_move() const;
-  /// As of the drive's newest heartbeat.
+  /// Whether the drive's newest heartbeat says that it is idle.
   [[nodiscard]] bool drive_is_idle() const { return drive_ == odrive::AxisState::kIdle; }
-  /// Where the motor's encoder has it; nothing while that is not known. The axis is within the gear's
-  /// backlash of it.
+  /// The angle of the axis by the motor's encoder [rad]; nothing while that is not known. The axis is within
+  /// the gear's backlash of it.
   [[nodiscard]] std::optional<double> position() const;
-  /// Likewise, as it has gone on since its drive was heard.
+  /// The same angle, as it has gone on since the drive was heard.
   [[nodiscard]] std::optional<double> position_at(MonotonicTime now) const;
   [[nodiscard]] double rate() const { return rate_; }  ///< [rad/s]
 

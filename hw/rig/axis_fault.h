@@ -17,7 +17,7 @@ enum class AxisFault : uint8_t {
   kNotActivated,  ///< the drive did not enter closed loop
 };
 
-/// What it is and what helps, "does not answer; check ...", to follow the name of the axis.
+/// Says what the fault is and what helps, "does not answer; check ...", to follow the name of the axis.
 [[nodiscard]] const char* describe(AxisFault fault);
 
 }  // namespace cairn

@@ -14,8 +14,8 @@ class Backlash {
 
   /// The motor stands at `motor`: gives where the axis is. One that nothing pushes stays where it is.
   double follow(double motor);
-  /// For the axis to stand at `axis` while it turns at `rate` [rad/s]. A turn so slow that the
-  /// play itself could have made it does not change the flank.
+  /// The motor's angle [rad of the axis] for the axis to stand at `axis` while it turns at `rate` [rad/s]. A
+  /// turn so slow that the play itself could have made it does not change the flank.
   [[nodiscard]] double motor_for(double axis, double rate);
 
  private:

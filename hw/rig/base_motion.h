@@ -9,21 +9,21 @@
 
 namespace cairn {
 
-/// How the base moves under the head: what the IMU on the head measures, less what the encoders say that the
-/// axes do. Where the gear's backlash keeps the axis from following the motor, the base seems to have turned
-/// instead; what is demanded of the motor then makes up for it, and so for the backlash. Pure.
+/// Estimates how the base moves under the head: what the IMU on the head measures, less what the encoders say
+/// that the axes do. Where the gear's backlash keeps the axis from following the motor, the base seems to
+/// have turned instead; what is demanded of the motor then makes up for it, and so for the backlash. Pure.
 class BaseMotion {
  public:
   explicit BaseMotion(const BaseOptions& options) : smoothing_(options.smoothing) {}
 
-  /// One sample: how the head stands, and where the encoders have the axes at that time, `step` [s] after the
-  /// sample before; 0: nobody knows how long.
+  /// Takes one sample: the head's attitude, and where the encoders have the axes at that time, `step` [s]
+  /// after the sample before; 0: nobody knows how long.
   void update(const Eigen::Quaterniond& world_from_head, const PanTilt& angles, double step);
 
   [[nodiscard]] bool is_known() const { return known_; }
-  /// As it will stand `ahead` [s] after the newest sample.
+  /// The base's predicted attitude `ahead` [s] after the newest sample.
   [[nodiscard]] Eigen::Quaterniond world_from_base(double ahead) const;
-  /// As fast as it will turn then [rad/s, in its own axes].
+  /// The base's predicted rate of turn then [rad/s, in its own axes].
   [[nodiscard]] Eigen::Vector3d rate(double ahead) const { return rate_ + ahead * acceleration_; }
 
  private:

@@ -17,7 +17,7 @@ namespace cairn {
 [[nodiscard]] std::string with_calibration(const std::string& text, const RigCalibration& calibration,
                                            bool has_imu);
 
-/// Whether write_calibration() could write beside that file. Error kConfiguration, with the reason.
+/// Checks whether write_calibration() could write beside that file. Error kConfiguration, with the reason.
 [[nodiscard]] Status check_calibration_can_be_written(const std::filesystem::path& path);
 
 /// Puts the calibration into a configuration file, at once and whole, and leaves the former as PATH.old. What

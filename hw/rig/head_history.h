@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// How the head stood in the last second: what an image shows is older than it. Pure.
+/// The attitudes of the head in the last second: what an image shows is older than it. Pure.
 class HeadHistory {
  public:
   struct Head {

@@ -9,9 +9,9 @@
 
 namespace cairn {
 
-/// In the IMU's axes.
+/// A sample of the IMU, in its own axes.
 struct ImuSample {
-  /// Since the one before, by the IMU's clock [s]; 0 for the first, and where that began anew.
+  /// Time since the sample before, by the IMU's clock [s]; 0 for the first, and where that clock began anew.
   double step = 0;
   Eigen::Vector3d rate;          ///< [rad/s]
   Eigen::Vector3d acceleration;  ///< [m/s^2]

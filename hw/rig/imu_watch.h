@@ -10,8 +10,8 @@
 
 namespace cairn {
 
-/// Whether the IMU is there and samples as often as the configuration says. Its rate is told by its own clock
-/// and counter, so that lost frames do not change it. Pure.
+/// Watches whether the IMU is there and samples as often as the configuration says. Its rate is told by its
+/// own clock and counter, so that lost frames do not change it. Pure.
 class ImuWatch {
  public:
   /// `rate_off`: of the rate; a larger error is a wrong one.
@@ -22,7 +22,7 @@ class ImuWatch {
 
   [[nodiscard]] bool is_silent(MonotonicTime now) const { return now - heard_ > deadline_; }
   [[nodiscard]] bool is_at_wrong_rate() const;
-  /// As measured over half a second [Hz]; nothing before.
+  /// The rate measured over half a second [Hz]; nothing before.
   [[nodiscard]] std::optional<double> measured_rate() const { return measured_; }
 
  private:

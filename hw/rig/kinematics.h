@@ -15,15 +15,15 @@ struct PanTilt {
 
 /// The base from the head, which is what the tilt axis turns: its x is where the camera looks, y left, z up.
 [[nodiscard]] Eigen::Quaterniond base_from_head(const PanTilt& angles);
-/// How the head turns against the base while the axes turn at `rates`: [rad/s], in the head's axes.
+/// The rate of the head's turn against the base while the axes turn at `rates`: [rad/s], in the head's axes.
 [[nodiscard]] Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates);
 
-/// What an IMU on the head measures, in the head's axes.
+/// The measurements of an IMU on the head, in the head's axes.
 struct HeadMotion {
   Eigen::Vector3d rate;          ///< [rad/s]
   Eigen::Vector3d acceleration;  ///< [m/s^2], with the pull that holds it up
 };
-/// While the axes turn at `rates` and the base moves so, in its own axes.
+/// The motion of the head while the axes turn at `rates` and the base moves as `base` says, in its own axes.
 [[nodiscard]] HeadMotion motion_of_head(const PanTilt& angles, const PanTilt& rates, const HeadMotion& base);
 
 /// The head from a camera that looks along the head's x, upright.
@@ -32,12 +32,12 @@ struct HeadMotion {
 /// The base from such a camera. Base: what pan turns on, x forward, y left, z up. Camera: x right, y down, z
 /// forward.
 [[nodiscard]] Eigen::Matrix3d base_from_camera(const PanTilt& angles);
-/// Where the camera looks, in the base: of length 1.
+/// The direction in which the camera looks, in the base: of length 1.
 [[nodiscard]] Eigen::Vector3d optical_axis(const PanTilt& angles);
 /// The angles that look along a direction of the base, of any length above 0: pan in (-pi, pi], tilt in
 /// [-pi/2, pi/2]. Straight up and down every pan does: it stays `pan`.
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan = 0);
-/// Likewise for a camera that looks along `axis` of the head, of length 1 and not straight to the side.
+/// The same for a camera that looks along `axis` of the head, of length 1 and not straight to the side.
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan, const Eigen::Vector3d& axis);
 /// How fast the axes must turn for a camera that looks along `axis` of the head, as above, to keep looking
 /// along a direction that changes in the world by `moving` a second, while the base turns at `rate` [rad/s].

@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-/// What an axis may do. Angles of the axis.
+/// The limits of an axis's motion. Angles of the axis.
 struct MotionLimits {
   double low = 0;           ///< hard limits: never reached [rad]
   double high = 0;          ///< [rad]
@@ -17,13 +17,13 @@ struct MotionLimits {
   double lag = 0;           ///< of the drive's rate behind a setpoint's that changes evenly [s]
 };
 
-/// Where an axis should go: to `position`, which itself moves on at `rate`; without one, on at `rate`.
+/// The target of an axis: `position`, which itself moves on at `rate`; without one, a turn at `rate`.
 struct Demand {
   std::optional<double> position;  ///< [rad]
   double rate = 0;                 ///< [rad/s]
 };
 
-/// What a drive is told.
+/// The position and rate that a drive is told.
 struct Setpoint {
   double position = 0;  ///< [rad]
   double rate = 0;      ///< [rad/s]
@@ -38,9 +38,9 @@ class MotionProfile {
 
   void advance(const Demand& demand);
 
-  /// For a drive whose axis stands at `measured` [rad]. A drive makes up for what it lags behind at
-  /// 1 / reaction of that a second: one that was held, and one that missed setpoints, gets no setpoint so far
-  /// ahead that it would become too fast to coast to rest before the hard limit.
+  /// The setpoint for a drive whose axis stands at `measured` [rad]. A drive makes up for what it lags behind
+  /// at 1 / reaction of that a second: one that was held, and one that missed setpoints, gets no setpoint so
+  /// far ahead that it would become too fast to coast to rest before the hard limit.
   [[nodiscard]] Setpoint for_axis_at(double measured) const;
 
   [[nodiscard]] double position() const { return position_; }  ///< [rad]

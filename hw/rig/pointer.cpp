@@ -33,7 +33,7 @@ tl::unexpected<Error> refuse(std::string why) {
   return fail(ErrorCode::kRefused, std::move(why));
 }
 
-/// Whether there is sense in it.
+/// Whether a pointing makes sense: its numbers are finite, its directions have a length.
 struct IsSound {
   bool operator()(const pointing::Neutral& neutral) const { return is_finite(neutral.angles); }
   bool operator()(const pointing::Jog& jog) const { return is_finite(jog.rates); }
@@ -138,7 +138,7 @@ void Pointer::look_at_next() {
   sought_for_ = -time_to(held_);
 }
 
-/// What the mode keeps from its beginning.
+/// Begins the mode, and sets what it keeps from its beginning.
 void Pointer::begin() {
   begun_ = true;
   on_target_for_ = sought_for_ = 0;

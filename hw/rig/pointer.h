@@ -23,30 +23,33 @@ class Pointer {
  public:
   explicit Pointer(const RigConfiguration& configuration);
 
-  /// Errors: kRefused for what is no direction or no number, and for what needs an IMU that the rig has not.
+  /// Sets what the camera is to look at. Errors: kRefused for what is no direction or no number, and for what
+  /// needs an IMU that the rig has not.
   [[nodiscard]] Status aim(const Pointing& pointing);
-  /// Error kRefused for one that is of the future, older than what is remembered of the head, or no number.
+  /// Takes a sighting. Error kRefused for one that is of the future, older than what is remembered of the
+  /// head, or no number.
   [[nodiscard]] Status see(const Sighting& sighting);
-  /// As RigCalibration has it, measured since.
+  /// Sets the offset of RigCalibration as it was measured since.
   void set_camera_offset(std::chrono::nanoseconds offset) { configuration_.calibration.offset = offset; }
-  /// The next one, or that which goes on, begins anew.
+  /// Forgets what a search has looked at: the next one, or that which goes on, begins anew.
   void forget_search();
-  /// Demands come from others now.
+  /// Looks at nothing any more: demands come from others now.
   void let_go() { pointing_.reset(); }
 
-  /// A sample of the IMU, with the acceleration in the head's axes [m/s^2, up at rest].
+  /// Takes a sample of the IMU, with the acceleration in the head's axes [m/s^2, up at rest].
   void sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,
              const Eigen::Vector3d& acceleration, const PanTilt& angles, double step);
-  /// For setpoints that act at `then`; nothing while nothing is aimed at. `pan`: where pan stands [rad].
+  /// The demands for setpoints that act at `then`; nothing while nothing is aimed at. `pan`: where pan stands
+  /// [rad].
   [[nodiscard]] std::optional<std::array<Demand, 2>> demands(MonotonicTime then, double pan);
 
   [[nodiscard]] const BaseMotion& base() const { return base_; }
-  /// Nothing while nothing is aimed at.
+  /// How the mode goes; nothing while nothing is aimed at.
   [[nodiscard]] std::optional<PointingState> state() const;
 
  private:
   using Demands = std::array<Demand, 2>;
-  /// What to look along, in the world's axes.
+  /// The direction to look along, in the world's axes.
   struct Target {
     Eigen::Vector3d direction;
     Eigen::Vector3d moving = Eigen::Vector3d::Zero();  ///< [1/s] in the unit of the direction
@@ -61,7 +64,7 @@ class Pointer {
   }
   [[nodiscard]] Demands towards(const Target& target, double pan);
   void begin();
-  /// Of the search.
+  /// Takes the search on to its next place.
   void look_at_next();
   [[nodiscard]] double time_to(const Eigen::Vector3d& direction) const;
   void judge(const Eigen::Vector3d& direction, double step);

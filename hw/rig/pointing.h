@@ -13,14 +13,14 @@
 
 namespace cairn {
 
-/// What the camera is to look at. Directions are of the rig's world, in which the attitude is told (z up),
-/// and of any length above 0.
+/// The modes of pointing: what the camera is to look at. Directions are of the rig's world, in which the
+/// attitude is told (z up), and of any length above 0.
 namespace pointing {
 /// Ahead, as the configuration says.
 struct Neutral {
   PanTilt angles;
 };
-/// By hand.
+/// The axes turn as a hand commands.
 struct Jog {
   PanTilt rates;  ///< [rad/s]
 };
@@ -33,14 +33,14 @@ struct Lock {
 /// A point of the world, wherever the wearer walks: that of the newest Sighting. Until there is one, and when
 /// they end, it holds the direction.
 struct Fixate {};
-/// To another direction as fast as the axes can, and then locked on it.
+/// The camera turns to another direction as fast as the axes can, and is then locked on it.
 struct Saccade {
   std::optional<Eigen::Vector3d> direction;
   PanTilt angles;  ///< without a direction, to that in which these look when it begins
 };
-/// All around within reach, a glance at each place, first at those where the map may be. What was looked at
-/// is remembered when the search goes on after another mode, for three seconds; a direction that is newly
-/// ranked is looked at again.
+/// The camera looks all around within reach, a glance at each place, first at those where the map may be.
+/// What was looked at is remembered when the search goes on after another mode, for three seconds; a
+/// direction that is newly ranked is looked at again.
 struct Search {
   enum class Pattern : uint8_t { kSpiral, kRaster };
   Pattern pattern = Pattern::kSpiral;
@@ -58,17 +58,18 @@ enum class PointingMode : uint8_t { kNeutral, kJog, kFollow, kLock, kFixate, kSa
 [[nodiscard]] const char* to_string(PointingMode mode);
 [[nodiscard]] std::optional<PointingMode> pointing_mode(std::string_view word);
 
-/// Where the point to fixate was, as a camera saw it.
+/// The place of the point to fixate, as a camera saw it.
 struct Sighting {
   MonotonicTime when;      ///< when the image was taken, by the camera's clock
   Eigen::Vector3d target;  ///< in the camera (x right, y down, z forward), [m]; of another unit, the wearer's
                            ///< steps are foretold worse
 };
 
-/// How it goes.
+/// How a mode goes.
 struct PointingState {
   PointingMode mode = PointingMode::kNeutral;
-  /// Near it, by the IMU, for some time: half a degree, in a search a sixth of a view.
+  /// Whether the camera has been near the target, by the IMU, for some time: half a degree, in a search a
+  /// sixth of a view.
   bool on_target = false;
   bool out_of_reach = false;  ///< the target is beyond the soft limits
   bool sees_target = false;   ///< fixate: sightings come

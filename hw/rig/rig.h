@@ -19,7 +19,7 @@
 
 namespace cairn {
 
-/// What a commander may ask of a rig.
+/// The commands that a commander may give a rig.
 namespace rig_command {
 struct Stay {};  ///< nothing new; I am there
 struct Home {};
@@ -28,11 +28,12 @@ struct Idle {};
 struct Point {
   std::array<Demand, 2> demands;  ///< by AxisName
 };
-/// From now on, by the rig itself, until it is activated anew. The same mode again moves its target.
+/// The rig points the camera by itself from now on, until it is activated anew. The same mode again moves its
+/// target.
 struct Aim {
   Pointing pointing;
 };
-/// For fixate.
+/// A sighting of the point to fixate.
 struct Sight {
   Sighting sighting;
 };
@@ -60,7 +61,7 @@ enum class Halt : uint8_t {
   kAxisFault,
   kClockRanBack,
 };
-/// What it is and what helps.
+/// Says what is wrong and what helps.
 [[nodiscard]] const char* describe(Halt halt);
 
 struct OutgoingFrame {
@@ -82,38 +83,38 @@ class Rig {
  public:
   Rig(const RigConfiguration& configuration, MonotonicTime now);
 
-  /// Each taken command is a sign of life of its commander. Errors: kRefused for one beside a commander that
-  /// is alive, and for what state or faults do not allow; nothing has changed then.
+  /// Carries out a command. Each one taken is a sign of life of its commander. Errors: kRefused for one
+  /// beside a commander that is alive, and for what state or faults do not allow; nothing has changed then.
   [[nodiscard]] Status take(const RigCommand& command, MonotonicTime now);
   void receive(const CanFrame& frame, MonotonicTime now);
-  /// What a stamp of the camera lacks to the IMU's, measured since the configuration was written; counts for
-  /// sightings from now on.
+  /// Sets what must be added to a stamp of the camera to get the IMU's, as it was measured since the
+  /// configuration was written. It counts for sightings from now on.
   void set_camera_offset(std::chrono::nanoseconds offset) { pointer_.set_camera_offset(offset); }
   /// Does what fell due until `now`.
   void advance(MonotonicTime now);
   /// When something falls due. Where a period is a whole number of the IMU's samples, that falls in step with
   /// them: setpoints go out right behind the sample that they are made from.
   [[nodiscard]] MonotonicTime next_due() const { return next_; }
-  /// To be sent, in order. What the bus withholds need not be kept: idle and stop are said again each period
-  /// until the drive obeys.
+  /// The frames to be sent, in order. What the bus withholds need not be kept: idle and stop are said again
+  /// each period until the drive obeys.
   [[nodiscard]] std::vector<OutgoingFrame> take_frames();
 
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
-  /// Where the encoders have the axes at the time of advance(); nothing where one is not homed, or has a
-  /// fault.
+  /// The angles of the axes by their encoders, at the time of advance(); nothing where one is not homed, or
+  /// has a fault.
   [[nodiscard]] std::optional<PanTilt> angles() const;
-  /// Of the head, by the IMU on it.
+  /// The attitude of the head, by the IMU on it.
   [[nodiscard]] const Attitude& attitude() const { return attitude_; }
   [[nodiscard]] const BaseMotion& base() const { return pointer_.base(); }
-  /// Of the mode that was aimed; nothing where demands come from the commander.
+  /// How the mode that was aimed goes; nothing where demands come from the commander.
   [[nodiscard]] std::optional<PointingState> pointing() const { return pointer_.state(); }
   [[nodiscard]] bool is_stopped() const { return stopped_; }
   [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
   [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
   [[nodiscard]] const RigCounters& counters() const { return counters_; }
-  /// Of the newest of RigCounters::strange_frames; empty: there was none.
+  /// The newest of RigCounters::strange_frames in words; empty: there was none.
   [[nodiscard]] std::string describe_strange() const;
-  /// One line for people: what keeps the rig from moving and what helps; empty when nothing does.
+  /// Says to people in one line what keeps the rig from moving and what helps; empty when nothing does.
   [[nodiscard]] std::string describe() const;
 
  private:
@@ -138,9 +139,10 @@ class Rig {
   [[nodiscard]] std::optional<Halt> what_is_wrong(MonotonicTime now) const;
   [[nodiscard]] std::optional<Halt> imu_trouble(MonotonicTime now) const;
   void sense(const xsens::Message& message, MonotonicTime now);
-  /// Where the axes are, behind the play of their gears.
+  /// The angles of the axes, behind the play of their gears.
   [[nodiscard]] std::optional<PanTilt> angles_at(MonotonicTime now);
-  /// Since the IMU's sample before [rad, a rotation vector in the head's axes]; 0 where it is not known.
+  /// The head's turn by its axes since the IMU's sample before [rad, a rotation vector in the head's axes]; 0
+  /// where it is not known.
   [[nodiscard]] Eigen::Vector3d turn_of_head(const std::optional<PanTilt>& angles) const;
   void aim(MonotonicTime now);
   void fall_in_step(MonotonicTime sampled);

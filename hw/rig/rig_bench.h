@@ -77,7 +77,7 @@ class RigBench {
     now_ += time;
     bus_.advance(now_);
   }
-  /// How long it took until `condition` held; nothing after `most`.
+  /// The time until `condition` held; nothing if that took longer than `most`.
   std::optional<std::chrono::milliseconds> until(const std::function<bool()>& condition,
                                                  std::chrono::milliseconds most) {
     for (std::chrono::milliseconds passed(0); passed <= most; ++passed) {
@@ -104,7 +104,7 @@ class RigBench {
     return std::holds_alternative<State>(rig_.axis(AxisName::kPan).state()) &&
            std::holds_alternative<State>(rig_.axis(AxisName::kTilt).state());
   }
-  /// Without a fault, and idle.
+  /// Whether an axis is idle and has no fault.
   [[nodiscard]] bool is_at_rest(AxisName name) const {
     const AxisState& state = rig_.axis(name).state();
     return std::holds_alternative<axis_state::Idle>(state) ||
@@ -124,11 +124,11 @@ class RigBench {
     gait_ = gait;
     set_out_ = now_;
   }
-  /// How the shoulder truly stands.
+  /// The true attitude of the shoulder.
   [[nodiscard]] Eigen::Quaterniond world_from_base() const { return gait_.world_from_base(walked()); }
-  /// From the point that the wearer walks around [m].
+  /// The shoulder's place, from the point that the wearer walks around [m].
   [[nodiscard]] Eigen::Vector3d position() const { return gait_.position(walked()); }
-  /// Where the camera truly looks.
+  /// The direction in which the camera truly looks.
   [[nodiscard]] Eigen::Vector3d view() { return world_from_camera() * Eigen::Vector3d::UnitZ(); }
   [[nodiscard]] Eigen::Quaterniond world_from_camera() {
     return world_from_base() * base_from_head(angles()) * configuration_.calibration.head_from_camera;
@@ -145,7 +145,7 @@ class RigBench {
   inline static const Eigen::Vector3d kUp{0, 0, 9.81};  // [m/s^2]
 
   [[nodiscard]] double walked() const { return std::chrono::duration<double>(now_ - set_out_).count(); }
-  /// It sits on the head.
+  /// Moves the IMU with the head, on which it sits.
   void move_imu() {
     const PanTilt rates{bus_.drive(0).plant().rate(), -bus_.drive(1).plant().rate()};
     const Eigen::Quaterniond imu_from_head = configuration_.calibration.head_from_imu.conjugate();

@@ -36,12 +36,12 @@ class Section {
   }
 
   [[nodiscard]] bool known(const std::string& key) const { return node_.IsMap() && node_[key].IsDefined(); }
-  /// Within `least` and `most`, both included.
+  /// The number of a key, within `least` and `most`, both included.
   double number(const std::string& key, double least, double most) {
     const YAML::Node value = find(key);
     return value ? number_at(value, key, least, most) : least;
   }
-  /// Likewise, `otherwise` where the key is not there.
+  /// The same, or `otherwise` where the key is not there.
   double number_or(const std::string& key, double least, double most, double otherwise) {
     if (known(key)) return number(key, least, most);
     asked_.push_back(key);
@@ -95,17 +95,18 @@ class Section {
     return Section(path_, value, name_.empty() ? key : name_ + "." + key);
   }
 
-  /// For another reader; undefined where the key is not there.
+  /// The node of a key, for another reader; undefined where the key is not there.
   YAML::Node mapping_or_nothing(const std::string& key) {
     asked_.push_back(key);
     return known(key) ? node_[key] : YAML::Node(YAML::NodeType::Undefined);
   }
 
-  /// What must hold for the value of `key`. Nothing is said where a key is missing: that comes first.
+  /// Refuses the value of `key` unless `check` holds. Nothing is said where a key is missing: that comes
+  /// first.
   void require(bool check, const std::string& key, const std::string& why) {
     if (!check && !missing_) refuse(known(key) ? node_[key] : node_, key + ": " + why);
   }
-  /// All has been read: no key is left, none is there twice.
+  /// Ends the reading: refuses a key that was not asked for, and one that is there twice.
   void finish() {
     if (error_) return;
     std::vector<std::string> seen;
@@ -118,7 +119,7 @@ class Section {
       seen.push_back(key);
     }
   }
-  /// After finish(): a key that was asked for and is not there.
+  /// Refuses, after finish(), a key that was asked for and is not there.
   void refuse_missing() {
     if (missing_) refuse(node_, fmt::format("{} is missing; add `{}: ...`", *missing_, *missing_));
   }

@@ -35,7 +35,7 @@ struct ImuConfiguration {
   double rate = 100;  ///< samples [Hz]
 };
 
-/// How camera and IMU sit on the head, as a calibration finds it.
+/// How camera and IMU sit on the head, as a calibration tells it.
 struct RigCalibration {
   Eigen::Quaterniond head_from_camera = nominal_head_from_camera();
   Eigen::Quaterniond head_from_imu = Eigen::Quaterniond::Identity();
@@ -48,11 +48,11 @@ struct RigCalibration {
   }
 };
 
-/// What cairn-rig --config reads. A rig that could be built.
+/// A rig as cairn-rig --config reads it: one that could be built.
 struct RigConfiguration {
   std::string name;
   std::chrono::milliseconds period{10};  ///< between setpoints
-  /// After how much silence of each the drives are idled.
+  /// How long commander, IMU or a drive may be silent before the drives are idled.
   std::chrono::milliseconds commander_deadline{60};
   std::chrono::milliseconds imu_deadline{50};
   std::chrono::milliseconds drive_deadline{50};
@@ -67,8 +67,8 @@ struct RigConfiguration {
   [[nodiscard]] std::vector<odrive::Node> nodes() const { return {axes[0].node, axes[1].node}; }
 };
 
-/// From YAML; shoulder.yaml lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for an unknown,
-/// missing or repeated key, a number that is none, and whatever no rig can be.
+/// Reads a rig from YAML; shoulder.yaml lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for
+/// an unknown, missing or repeated key, a number that is none, and whatever no rig can be.
 [[nodiscard]] Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& path);
 /// YAML from which the same is read, with the defaults of optional keys.
 [[nodiscard]] std::string write_rig_configuration(const RigConfiguration& rig);

@@ -11,7 +11,7 @@
 /// still protects.
 namespace cairn {
 
-/// Of an axis as a state machine (axis).
+/// Options of an axis as a state machine (axis).
 struct AxisOptions {
   std::chrono::milliseconds homing_time{60'000};  ///< after which homing has failed
   double rate_headroom = 1.2;  ///< of the drive's own limit over that of the setpoints, to catch up
@@ -20,7 +20,7 @@ struct AxisOptions {
   double jump_rate = 3;        ///< of the limit: how much farther it may be for each second of silence
 };
 
-/// Of an axis that is stuck (stall_watch).
+/// Options by which an axis counts as stuck (stall_watch).
 struct StallOptions {
   double window = 0.1;  ///< [s] over which the ways of setpoint and axis are compared
   /// [rad] Setpoints that go less far in the window tell nothing: backlash.
@@ -34,7 +34,7 @@ struct StallOptions {
   double behind_for = 0.1;                         ///< [s]
 };
 
-/// When setpoints are sent (rig), and whether the IMU samples as it should (imu_watch).
+/// Options of when setpoints are sent (rig), and of whether the IMU samples as it should (imu_watch).
 struct RigTimingOptions {
   double in_step = 0.01;          ///< of a sample: the rates of two clocks that are meant to be the same
   double behind_sample = 0.0003;  ///< [s]: later than most samples, which do not come evenly
@@ -43,7 +43,7 @@ struct RigTimingOptions {
   double imu_rate_off = 0.1;      ///< of the rate that the configuration says: a larger error is a fault
 };
 
-/// How the head stands in the world (attitude).
+/// Options of the head's attitude in the world (attitude).
 struct AttitudeOptions {
   double trusted = 0.2;           ///< of gravity: further from it, one acceleration does not tell where up is
   double uprighting = 0.15;       ///< [1/s] slow beside a step of the wearer
@@ -55,13 +55,13 @@ struct AttitudeOptions {
   int most_rests = 20;            ///< that are averaged
 };
 
-/// How the base moves under the head (base_motion, sway).
+/// Options of the base's motion under the head (base_motion, sway).
 struct BaseOptions {
   double smoothing = 0.04;    ///< [s] of the acceleration: a step of the wearer takes ten times as long
   double sway_forgotten = 2;  ///< [s]: two steps of the wearer
 };
 
-/// The play of a gear (backlash).
+/// Options of a gear's play (backlash).
 struct BacklashOptions {
   double noise = 0.035;  ///< [rad/s] of a demand: a slower turn does not change the flank
   /// [s] over which a crossing of the play is taken for a turn of the base, which it never was: gyro and
@@ -69,20 +69,20 @@ struct BacklashOptions {
   double crossing = 0.05;
 };
 
-/// A point that a tracker sees (target_track).
+/// Options for following a point that a tracker sees (target_track).
 struct TargetTrackOptions {
   double forgotten = 0.5;    ///< [s]: after a longer gap the speed is another one
   double fold_time = 0.04;   ///< [s] over which sightings are averaged
   double speed_time = 0.15;  ///< [s] likewise for the speed, below a step of the wearer
 };
 
-/// Where a search looks (search_plan).
+/// Options of the places that a search looks at (search_plan).
 struct SearchPlanOptions {
   double view_step = 0.75;  ///< of a view: the next one shows a part of it again
   double least_step = 0.1;  ///< [rad]
 };
 
-/// The modes (pointer).
+/// Options of the modes (pointer).
 struct PointerOptions {
   double following = 1.0;  ///< [s]: a sway of the wearer at 1 Hz is a sixth of itself
   double on_target = 0.5 * std::numbers::pi / 180;  ///< [rad]
@@ -114,7 +114,7 @@ struct RigTuning {
   PointerOptions pointer;
 };
 
-/// What an operator may set: all of it.
+/// Lists the options that an operator may set: all of them.
 [[nodiscard]] OptionList list_options(RigTuning* tuning);
 
 }  // namespace cairn

@@ -15,7 +15,7 @@ double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// As many places as views go around, less an overlap.
+/// The number of places in a round: as many as views go around, less an overlap.
 int count(double round, double view, const SearchPlanOptions& options) {
   return std::max(
       1, static_cast<int>(std::ceil(round / std::max(options.least_step, options.view_step * view) - 1e-9)));

@@ -12,19 +12,19 @@
 
 namespace cairn {
 
-/// Where to look next: the world's directions as places a view apart, of which those within reach are looked
-/// at, each once before any twice: ranked ones first; then, as a spiral, those beside where it began, all
-/// that are as high, and those above and below; or in rows. Pure.
+/// Plans where to look next: the world's directions as places a view apart, of which those within reach are
+/// looked at, each once before any twice: ranked ones first; then, as a spiral, those beside where it began,
+/// all that are as high, and those above and below; or in rows. Pure.
 class SearchPlan {
  public:
   using Reach = std::function<bool(const Eigen::Vector3d&)>;
 
-  /// From a camera that looks in direction `begin`.
+  /// Plans a search from a camera that looks in direction `begin`.
   SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin, const SearchPlanOptions& options);
 
   /// Whether it was made for such a search; its ranking may differ.
   [[nodiscard]] bool is_for(const pointing::Search& search) const;
-  /// Of length 1; nothing where nothing is within reach. `from`: where the camera looks.
+  /// The next direction, of length 1; nothing where nothing is within reach. `from`: where the camera looks.
   [[nodiscard]] std::optional<Eigen::Vector3d> next(const Eigen::Vector3d& from, const Reach& within_reach);
   /// The place in this direction was looked at.
   void look(const Eigen::Vector3d& direction);

@@ -7,13 +7,13 @@
 
 namespace cairn {
 
-/// How the head is carried to and fro by the steps of its wearer: what is quick in its way, from its
+/// Estimates how the steps of a wearer carry the head to and fro: what is quick in its way, from its
 /// accelerations. Where it is in the end, they do not tell. Pure.
 class Sway {
  public:
   explicit Sway(const BaseOptions& options) : forgotten_(options.sway_forgotten) {}
 
-  /// In the world's axes, without gravity [m/s^2], mean of the last `step` [s].
+  /// Takes an acceleration in the world's axes, without gravity [m/s^2], mean of the last `step` [s].
   void update(const Eigen::Vector3d& acceleration, double step);
 
   [[nodiscard]] const Eigen::Vector3d& way() const { return way_; }    ///< [m], from somewhere

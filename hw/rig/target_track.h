@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// Where a point of the world is, seen from a camera that walks: from sightings that come late, and between
-/// them by the camera's speed. Pure.
+/// Estimates where a point of the world is, seen from a camera that walks: from sightings that come late, and
+/// between them by the camera's speed. Pure.
 class TargetTrack {
  public:
   explicit TargetTrack(const TargetTrackOptions& options) : options_(options) {}
@@ -24,7 +24,8 @@ class TargetTrack {
     Eigen::Vector3d target;  ///< from the camera, in the unit of the sightings
     Eigen::Vector3d rate;    ///< of that, a second
   };
-  /// Nothing before the first sighting. Long after the last one the point stays in its direction.
+  /// The estimate at a time; nothing before the first sighting. Long after the last one the point stays in
+  /// its direction.
   [[nodiscard]] std::optional<Estimate> at(MonotonicTime when) const;
   [[nodiscard]] bool is_seen(MonotonicTime now) const;
 

@@ -48,7 +48,7 @@ constexpr const char* kRigText =
     "coasting: 250, gain: 20, current: 5, neutral: 0, lag: 7, "
     "backlash: 0.3}\n";
 
-/// One that is quick enough for a wearer who walks at 2 Hz.
+/// A rig that is quick enough for a wearer who walks at 2 Hz.
 inline std::string walking_rig() {
   std::string text = kRigText;
   for (const auto& [from, to] : {std::pair{"rate: 120", "rate: 180"},
@@ -60,7 +60,7 @@ inline std::string walking_rig() {
   return text;
 }
 
-/// What becomes of a configuration file with that text.
+/// Reads a configuration file with that text.
 [[nodiscard]] inline Result<RigConfiguration> read_rig(const std::string& text) {
   std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::replace(name.begin(), name.end(), '/', '_');

@@ -15,15 +15,15 @@ struct PlantOptions {
   double start = 0;  ///< angle of the axis at first [rad]
 };
 
-/// How the axis turns when a current flows. The axis stays where it is while the gear crosses its backlash,
-/// as one with friction does. Pure.
+/// Simulates how the axis turns when a current flows. The axis stays where it is while the gear crosses its
+/// backlash, as one with friction does. Pure.
 class AxisPlant {
  public:
   explicit AxisPlant(const PlantOptions& options);
 
   /// Goes on by `step` [s], a millisecond or less, with a constant current [A].
   void advance(double current, double step);
-  /// Whether something holds the axis; the motor still turns within the backlash.
+  /// Sets whether something holds the axis; the motor still turns within the backlash.
   void block(bool blocked) { blocked_ = blocked; }
 
   [[nodiscard]] double shaft() const { return shaft_; }            ///< [turns] since the beginning

@@ -11,13 +11,13 @@ namespace {
 using Eigen::AngleAxisd;
 using Eigen::Vector3d;
 
-/// From 0 to 1 within a second.
+/// A smooth step from 0 to 1 within a second.
 double ramp(double t) {
   const double begun = std::clamp(t, 0.0, 1.0);
   return begun * begun * (3 - 2 * begun);
 }
 
-/// Its integral from 0.
+/// The integral of ramp() from 0.
 double ramped(double t) {
   const double begun = std::clamp(t, 0.0, 1.0);
   return std::pow(begun, 3) - std::pow(begun, 4) / 2 + std::max(0.0, t - 1);

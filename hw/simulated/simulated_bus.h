@@ -27,7 +27,7 @@ class SimulatedBus final : public CanBus {
   void advance(MonotonicTime now);
 
   // Faults.
-  /// So many of the frames, in either direction, are lost: 0 to 1.
+  /// Sets the share of frames that are lost, in either direction: 0 to 1.
   void drop(double share) { dropped_share_ = share; }
   /// The host's controller has left the bus, or is back.
   void set_bus_off(bool off);

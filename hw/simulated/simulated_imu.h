@@ -13,7 +13,7 @@
 
 namespace cairn::simulated {
 
-/// How the IMU moves, in its own axes.
+/// The motion of the IMU, in its own axes.
 struct ImuMotion {
   std::array<double, 3> rate{};                           ///< [rad/s]
   std::array<double, 3> acceleration{0.0, 0.0, 9.80665};  ///< [m/s^2], with the pull that holds it up

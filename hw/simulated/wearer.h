@@ -10,7 +10,7 @@
 
 namespace cairn::simulated {
 
-/// Who carries a simulated shoulder: stands two metres from a point and faces it, walks around it or on the
+/// The wearer of a simulated shoulder: stands two metres from a point and faces it, walks around it or on the
 /// spot, and turns aside, as asked. World and base as of Gait; times [s] on one clock, each no earlier than
 /// that of the call before. Pure.
 class Wearer {
@@ -26,7 +26,8 @@ class Wearer {
 
   [[nodiscard]] Eigen::Quaterniond world_from_base(double t) const;
   [[nodiscard]] Eigen::Vector3d position(double t) const;
-  /// In the base's axes: [rad/s]; and [m/s^2], with the pull that holds it up.
+  /// Rate of turn [rad/s], and acceleration [m/s^2] with the pull that holds the base up, both in the base's
+  /// axes.
   [[nodiscard]] Eigen::Vector3d rate(double t) const;
   [[nodiscard]] Eigen::Vector3d acceleration(double t) const;
 

@@ -165,9 +165,9 @@ class Charuco final : public Board {
     return view;
   }
 
-  /// Of the markers beside a corner [px]; nothing if the continued diagonal of one of them misses the corner:
-  /// an id was misread, or what was printed is another pattern, whose corners OpenCV misplaces
-  /// (opencv_contrib #3301).
+  /// The shortest side of the markers beside a corner [px]. Nothing if one of them was not seen, or if its
+  /// continued diagonal misses the corner: an id was misread, or what was printed is another pattern, whose
+  /// corners OpenCV misplaces (opencv_contrib #3301).
   std::optional<double> shortest_side_beside(const cv::aruco::CharucoBoard& pattern, size_t corner,
                                              const cv::Point2f& pixel, const SeenMarkers& seen) const {
     const auto beyond = static_cast<float>((1 - board_.marker) / (2 * board_.marker));  // in diagonals

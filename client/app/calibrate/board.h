@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// What a person has printed.
+/// The board that a person has printed.
 struct BoardDescription {
   enum class Kind { kChessboard, kCharuco, kTags };
   Kind kind = Kind::kChessboard;
@@ -30,12 +30,12 @@ class Board {
   /// The points of the board seen in an image, with sub-pixel positions; nothing if it is not seen or too
   /// little of it.
   [[nodiscard]] virtual std::optional<BoardView> find(const GrayView& image) const = 0;
-  /// For a person.
+  /// The board in words, for a person.
   [[nodiscard]] virtual std::string describe() const = 0;
 };
 
-/// Errors: kUsage (counts, sizes, unknown dictionary; says which there are), kNotFound, kConfiguration (the
-/// tag file).
+/// Makes the board of a description. Errors: kUsage (counts, sizes, unknown dictionary; says which there
+/// are), kNotFound, kConfiguration (the tag file).
 [[nodiscard]] Result<std::unique_ptr<Board>> make_board(const BoardDescription& description);
 
 /// The board as an image to print, `square_px` to a square, with a margin of one square; kUsage for tags,

@@ -87,7 +87,8 @@ class Collector {
   CalibrateReport report_;
 };
 
-/// With a live camera the person is told as soon as it is good enough.
+/// Solves whenever kTrySolveEvery more views have come, and tells the person at a live camera what would make
+/// the calibration better. Whether it is good enough.
 bool good_enough(Collector& collector, size_t* next_try, const Logger& log) {
   if (collector.views() < *next_try) return false;
   *next_try = collector.views() + kTrySolveEvery;

@@ -19,7 +19,7 @@ class TagBoard final : public Board {
   [[nodiscard]] std::string describe() const override { return description_; }
 
  private:
-  /// With a border of so many bits.
+  /// Finds the tags in an image if their border is `border` bits wide.
   [[nodiscard]] std::optional<BoardView> find(const GrayView& image, int border) const;
 
   std::string description_;

@@ -10,11 +10,11 @@
 
 namespace cairn {
 
-/// Where tags are on a board.
+/// The places of tags on a board.
 struct TagPlan {
   /// Corners in the plane z = 0 [any unit], clockwise as one looks at the tag.
   std::map<int, std::array<Eigen::Vector3d, 4>> tags;
-  /// Of the tags' black border, in bits: the one to look for first.
+  /// Width of the tags' black border that is looked for first [bits].
   int border = 1;
 };
 

@@ -11,7 +11,7 @@ namespace cairn {
 
 enum class Grade { kGood, kUsable, kPoor };
 
-/// What a calibration is worth, and what would make it better.
+/// How good a calibration is, and what would make it better.
 struct Verdict {
   Grade grade = Grade::kPoor;
   int views = 0;                    ///< that count

@@ -32,7 +32,8 @@ class ViewPicker {
   [[nodiscard]] size_t size() const { return kept_.size(); }
 
  private:
-  /// Where the board is seen, how large, and how tilted to either side; 1 is a good part of an image.
+  /// Where in the image the board is seen, how large, and how tilted to either side; 1 is a good part of an
+  /// image.
   using Aspect = std::array<double, 5>;
   struct Kept {
     BoardView view;

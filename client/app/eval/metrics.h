@@ -11,10 +11,10 @@
 
 namespace cairn {
 
-/// What the estimate may be moved by before it is compared: kSim3 for one camera without a known scale, kSe3
-/// for metric.
+/// The transform that the estimate may be moved by before it is compared: kSim3 for one camera without a
+/// known scale, kSe3 for metric.
 enum class Alignment { kSim3, kSe3 };
-/// What --delta of the relative error counts: matched poses, metres along the truth, or seconds.
+/// The unit of --delta of the relative error: matched poses, metres along the truth, or seconds.
 enum class DeltaUnit { kFrames, kMetres, kSeconds };
 
 /// Truth and estimate at the same instant, each in its own frame.

@@ -31,7 +31,7 @@ void move_all(Trajectory* trajectory, const SE3& sensor_from_camera) {
 
 using Quaternions = std::vector<Eigen::Quaterniond>;
 
-/// What a row meant if its quaternion was read as x y z w and is w x y z.
+/// The rotation that a row meant if its quaternion was read as x y z w and is w x y z.
 Eigen::Quaterniond with_w_first(const Eigen::Quaterniond& q) {
   return {q.x(), q.y(), q.z(), q.w()};
 }

@@ -14,12 +14,12 @@
 
 namespace cairn {
 
-/// Of saying again whose images are wanted.
+/// How often a camera says again whose images it wants.
 inline constexpr std::chrono::milliseconds kPictureRequestPeriod{200};
-/// Older images are not of now.
+/// The age from which an image does not show the present any more.
 inline constexpr std::chrono::milliseconds kImageTooOld{1000};
 
-/// What is shown of another camera of the wearer's.
+/// The view of another camera of the wearer's, as it is shown.
 struct OtherView {
   std::string camera;     ///< name; empty: none is wanted
   bool is_there = false;  ///< its tracker runs on this host
@@ -32,7 +32,7 @@ struct OtherView {
 [[nodiscard]] inline bool is_stale(const OtherView& view) {
   return view.pixels.empty() || view.age > kImageTooOld;
 }
-/// What the image is, or why there is none, for a person.
+/// Says to a person what the image is, or why there is none.
 [[nodiscard]] std::string describe(const OtherView& view);
 
 /// Which other cameras of the wearer there are on this host, whose images are wanted, and what has come of
@@ -43,13 +43,13 @@ class ImageChoice {
 
   void come(const wire::WearerCamera& camera);
   void gone(const std::string& camera) { cameras_.erase(camera); }
-  /// Names, in order.
+  /// Names of the wearer's other cameras, in order.
   [[nodiscard]] std::vector<std::string> cameras() const { return {cameras_.begin(), cameras_.end()}; }
 
-  /// Empty: nobody's.
+  /// Chooses the camera whose images are wanted; empty: nobody's.
   void choose(const std::string& camera, MonotonicTime now);
   [[nodiscard]] const std::string& chosen() const { return view_.camera; }
-  /// What is to be said now, if anything.
+  /// The request that is to be sent now, if any.
   [[nodiscard]] std::optional<wire::PictureRequest> request(MonotonicTime now);
   /// `pixels`: of the image. One that was not asked for is dropped.
   void receive(const wire::CameraPicture& message, cv::Mat pixels, MonotonicTime now);

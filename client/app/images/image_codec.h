@@ -9,10 +9,10 @@
 
 namespace cairn {
 
-/// Of BGR pixels, made small enough for a CameraPicture: no side longer than kMaxCameraImageSide, no more
-/// bytes than kMaxCameraImageBytes, whatever they show.
+/// Encodes BGR pixels as a JPEG, made small enough for a CameraPicture: no side longer than
+/// kMaxCameraImageSide, no more bytes than kMaxCameraImageBytes, whatever they show.
 [[nodiscard]] wire::ImageMessage encode_camera_image(const cv::Mat& pixels);
-/// Error kDamaged: no JPEG, or of another size than is said.
+/// Decodes such an image to BGR. Error kDamaged: no JPEG, or of another size than is said.
 [[nodiscard]] Result<cv::Mat> decode_camera_image(const wire::ImageMessage& image);
 
 [[nodiscard]] TrackingState tracking_state_of(FrameState state);

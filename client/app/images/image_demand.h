@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// Who wants images of this camera, and when the next one is due: ten a second at most, and none while
-/// nobody asks. Who falls silent asks no more. Pure; one thread.
+/// The cameras that want images of this one, and when the next image is due: ten a second at most, and none
+/// while nobody asks. A camera that falls silent asks no more. Pure; one thread.
 class ImageDemand {
  public:
   explicit ImageDemand(std::string camera) : camera_(std::move(camera)) {}
@@ -21,7 +21,7 @@ class ImageDemand {
   [[nodiscard]] bool is_asked(MonotonicTime now) const;
   /// Names of those who ask.
   [[nodiscard]] std::vector<std::string> askers(MonotonicTime now) const;
-  /// Whether a frame of now is to be sent; then the next one is due a tenth of a second later.
+  /// Whether a frame of now is to be sent. If so, the next one is due a tenth of a second later.
   [[nodiscard]] bool take_turn(MonotonicTime now);
 
  private:

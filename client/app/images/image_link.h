@@ -40,7 +40,7 @@ class ImageLink final : public FrameObserver {
   /// Errors: those of Participant::create().
   [[nodiscard]] static Result<std::unique_ptr<ImageLink>> open(const ImageLinkOptions& options,
                                                                CameraPtr camera, Logger log);
-  /// As close().
+  /// Leaves the other cameras, as close() does.
   ~ImageLink() override { close(); }
   ImageLink(const ImageLink&) = delete;
   ImageLink& operator=(const ImageLink&) = delete;
@@ -49,7 +49,7 @@ class ImageLink final : public FrameObserver {
 
   /// Names of the wearer's other cameras on this host.
   [[nodiscard]] std::vector<std::string> cameras();
-  /// Empty: nobody's image is wanted any more.
+  /// Chooses the camera whose images are wanted; empty: nobody's any more.
   void choose(const std::string& camera);
   [[nodiscard]] OtherView view();
 

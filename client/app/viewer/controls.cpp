@@ -54,7 +54,7 @@ void ViewerControls::press(int key_code, MonotonicTime now) {
   }
 }
 
-/// Whether it is a key of the rig's.
+/// Carries out a key of the rig. Whether it is one.
 bool ViewerControls::command_rig(char key, MonotonicTime now) {
   struct Key {
     char key;
@@ -105,13 +105,13 @@ void ViewerControls::command(char key, MonotonicTime now) {
   }
 }
 
-/// With the newest frame.
+/// Ends a frozen view: the newest frame is shown.
 void ViewerControls::go_on() {
   frozen_ = false;
   if (missed_) frame_ = std::exchange(missed_, std::nullopt);
 }
 
-/// In the order of names, after the last of them this camera.
+/// Shows the wearer's next camera in the order of names, and after the last of them this one.
 void ViewerControls::switch_camera(MonotonicTime now) {
   go_on();
   const auto next = std::upper_bound(cameras_.begin(), cameras_.end(), wanted_);

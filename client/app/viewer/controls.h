@@ -17,10 +17,10 @@
 
 namespace cairn {
 
-/// Of the rig that carries the camera.
+/// Keys for the rig that carries the camera.
 enum class RigKey : uint8_t { kStop, kClear, kNeutral, kFollow, kLock, kFixate, kSearch };
 
-/// What a person in front of the window wants of the rest of the program.
+/// What a person in front of the window wants from the rest of the program.
 struct ViewerWishes {
   bool quit = false;
   bool new_map = false;
@@ -45,23 +45,24 @@ class ViewerControls {
   void show(OverlayFrame frame);
   /// A code of OpenCV's waitKeyEx().
   void press(int key_code, MonotonicTime now);
-  /// At a place of the window's image of this size, whose upper part shows the camera's image enlarged
-  /// `scale` times.
+  /// A person touches the window's image of this size at `point`. Its upper part shows the camera's image
+  /// enlarged `scale` times.
   void touch(cv::Point point, cv::Size image, int scale, MonotonicTime now);
   void replied(const RequestReply& reply, MonotonicTime now);
   /// Names of the wearer's other cameras, and what has come of the one that is wanted. A frozen view stays.
   void show_others(std::vector<std::string> cameras, OtherView view);
 
-  /// What has been wished for since the last call.
+  /// The wishes since the last call.
   [[nodiscard]] ViewerWishes take_wishes() { return std::exchange(wishes_, {}); }
 
   // What is shown.
   [[nodiscard]] const std::optional<OverlayFrame>& frame() const { return frame_; }
-  /// Newer ones of the map shown. Whether they are others than before.
+  /// Sets the labels of the map shown. Whether they differ from those before.
   bool set_labels(const LabelListPtr& labels) {
     return frame_ && std::exchange(frame_->labels, labels) != labels;
   }
-  /// Another camera of the wearer's is shown, and this one small; else its name is empty.
+  /// The other camera of the wearer's that is shown large, with this one small; its name is empty where none
+  /// is.
   [[nodiscard]] const OtherView& other() const { return other_; }
   /// Name of the camera whose image is wanted; empty: none.
   [[nodiscard]] const std::string& wanted() const { return wanted_; }
@@ -70,7 +71,7 @@ class ViewerControls {
   [[nodiscard]] bool help_shown() const { return help_shown_; }
   [[nodiscard]] LabelId selected() const { return selected_.id; }
   [[nodiscard]] bool has_rig() const { return options_.has_rig; }
-  /// While a text is being typed.
+  /// The line of text while one is being typed; else null.
   [[nodiscard]] const TextEntry* entry() const { return typing_ ? &typing_->entry : nullptr; }
   /// A word to the person; empty when the last one is some seconds old.
   [[nodiscard]] std::string message(MonotonicTime now) const;
@@ -96,7 +97,7 @@ class ViewerControls {
   void delete_selected(MonotonicTime now);
   void edit_selected(MonotonicTime now);
   [[nodiscard]] const Label* selected_label() const;
-  /// Of the frame shown.
+  /// The camera of the frame shown, as it was then calibrated.
   [[nodiscard]] const Camera& camera() const { return *(frame_->camera ? frame_->camera : camera_); }
   void say(std::string message, MonotonicTime now);
 

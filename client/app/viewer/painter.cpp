@@ -52,7 +52,7 @@ void paint_help(const TextPainter& painter, cv::Mat* image) {
   for (const std::string& line : lines) painter.draw(line, {kMargin, y += kLine}, kFontScale, kInk, image);
 }
 
-/// As large as it can be, in the middle.
+/// The largest rectangle with the shape of the image that fits into the area, in its middle.
 cv::Rect fitted(cv::Size pixels, cv::Rect area) {
   const double scale = std::min(static_cast<double>(area.width) / pixels.width,
                                 static_cast<double>(area.height) / pixels.height);

@@ -16,7 +16,7 @@ constexpr int kColumns = 10;
 
 constexpr int kUnicodeKey = 0x01000000;  ///< X: the keysym of a character without an older one
 
-/// Of the keyboard that is drawn; all others come as they are.
+/// The capital of an ASCII letter, for the drawn keyboard. All other characters stay as they come.
 char32_t capital(char32_t c) {
   return c >= U'a' && c <= U'z' ? c - U'a' + U'A' : c;
 }

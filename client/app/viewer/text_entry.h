@@ -9,7 +9,7 @@
 /// A line of text typed by a person, on a keyboard or on one that is drawn. Pure.
 namespace cairn {
 
-/// What a key does to a line.
+/// The effect of a key on a line of text.
 enum class EntryKey : uint8_t { kCharacter, kShift, kErase, kCancel, kAccept };
 
 struct EntryStroke {
@@ -17,8 +17,8 @@ struct EntryStroke {
   char32_t character = U' ';
 };
 
-/// What a code of the window system (OpenCV's waitKeyEx) means for a line; nothing: no key of it. Letters are
-/// ASCII, or X's keysyms for Latin-1 and for Unicode (key_code_of).
+/// The stroke for a key code of the window system (OpenCV's waitKeyEx); nothing: it means nothing for a line.
+/// Letters are ASCII, or X's keysyms for Latin-1 and for Unicode (key_code_of).
 [[nodiscard]] std::optional<EntryStroke> stroke_of(int key_code);
 /// The code of a key that has this character.
 [[nodiscard]] int key_code_of(char32_t character);
@@ -29,8 +29,8 @@ class TextEntry {
 
   explicit TextEntry(std::string text = {}) : text_(std::move(text)) {}
 
-  /// What may be shown (fault_of_text), at most kMaxLabelBytes; a blank line cannot be accepted. Nothing
-  /// happens any more once it is accepted or cancelled.
+  /// Applies a key. Only a text that may be shown (fault_of_text) of at most kMaxLabelBytes can be typed, and
+  /// a blank line cannot be accepted. Nothing happens any more once the line is accepted or cancelled.
   void press(EntryStroke stroke);
 
   [[nodiscard]] State state() const { return state_; }

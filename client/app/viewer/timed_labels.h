@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What somebody would ask for who points at a pixel of the frame in the window, types the text and presses
+/// The request of a person who points at a pixel of the frame in the window, types the text and presses
 /// Enter. Error kRefused: why there is no label there, in the window's words. Pure.
 [[nodiscard]] Result<wire::ClientRequest> ask_for_label(const OverlayFrame& frame, const CameraPtr& camera,
                                                         cv::Point pixel, const std::string& text);
@@ -27,7 +27,7 @@ class LabelPlacer final : public FrameObserver {
   LabelPlacer(const std::vector<TimedLabel>& labels, CameraPtr camera, ViewerLink link, Logger log);
 
   void on_frame(const FrameReport& report) override;
-  /// After the last frame: what the server has said since, and what could not be placed.
+  /// Tells, after the last frame, what the server has said since, and what could not be placed.
   void finish();
 
  private:

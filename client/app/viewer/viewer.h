@@ -16,13 +16,13 @@
 
 namespace cairn {
 
-/// What the window needs of the session; called on the window's thread.
+/// The calls by which the window uses the session, on the window's thread.
 struct ViewerLink {
   std::function<LabelListPtr(MapId)> labels;
   std::function<void(wire::ClientRequest)> request;
   std::function<std::vector<RequestReply>()> take_replies;
   std::function<void(RigKey)> rig = [](RigKey) {};
-  /// Of the wearer's other cameras: their names, whose image is wanted (empty: none), and what has come.
+  /// The wearer's other cameras: their names, the one whose image is wanted (empty: none), and what has come.
   std::function<std::vector<std::string>()> cameras = [] { return std::vector<std::string>(); };
   std::function<void(const std::string&)> choose_camera = [](const std::string&) {};
   std::function<OtherView()> other = [] { return OtherView(); };
@@ -41,9 +41,9 @@ class Viewer final : public FrameObserver {
 
   void on_frame(const FrameReport& report) override;
 
-  /// The person has asked to quit or has closed the window.
+  /// Whether the person has asked to quit or has closed the window.
   [[nodiscard]] bool quit_requested() const { return quit_; }
-  /// Once for each time that it was asked for.
+  /// Whether a new map was asked for since the last call.
   [[nodiscard]] bool take_new_map_request() { return new_map_.exchange(false); }
 
  private:

@@ -57,7 +57,7 @@ bool names_loopback(std::string_view xml) {
   return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
 }
 
-/// That the port follows from.
+/// The participant index in DDS from which its port follows; "none" where the middleware may choose.
 std::string index_of(Role role, uint16_t place) {
   switch (role) {
     case Role::kServer:
@@ -73,7 +73,7 @@ std::string index_of(Role role, uint16_t place) {
   return "none";
 }
 
-/// Where those are that it speaks to first.
+/// The ports of the participants that this one speaks to first.
 std::vector<uint16_t> peer_ports(const ParticipantOptions& options) {
   std::vector<uint16_t> ports;
   switch (options.role) {

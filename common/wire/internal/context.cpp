@@ -41,7 +41,8 @@ Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const st
   return std::pair(*std::move(domain), id);
 }
 
-/// Who has a place that others know.
+/// A participant with ports that others know: its program, what it is in words, and the first of its two UDP
+/// ports.
 struct Stand {
   const char* program;
   const char* who;

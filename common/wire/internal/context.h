@@ -30,16 +30,17 @@ class Context {
 
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
   [[nodiscard]] const NetworkPath& path() const { return path_; }
-  /// What is written leaves when its writer is flushed.
+  /// Whether what is written leaves only when its writer is flushed.
   [[nodiscard]] bool writes_in_batches() const { return writes_in_batches_; }
   [[nodiscard]] std::optional<Timestamp> good_until() const {
     return security_ ? std::optional(security_->expires) : std::nullopt;
   }
-  /// Made when first asked for; lives as long as the context. Error kConfiguration: our keys have expired,
-  /// and nothing more can be made here.
+  /// The middleware's topic, made when first asked for; it lives as long as the context. Error
+  /// kConfiguration: our keys have expired, and nothing more can be made here.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
-  /// By which the samples of a topic are serialized; lives as long as the context. `writer`: any of the topic
-  /// here. Errors as topic(); kInternal when the middleware does not tell it.
+  /// The middleware's type by which the samples of a topic are serialized; it lives as long as the context.
+  /// `writer`: any writer of the topic here. Errors as topic(); kInternal when the middleware does not tell
+  /// it.
   [[nodiscard]] Result<const ddsi_sertype*> sertype(const char* topic, dds_entity_t writer);
 
   /// Logs that samples of a topic are dropped, at most once a minute for each topic.
@@ -57,7 +58,7 @@ class Context {
         domain_(std::move(domain)),
         participant_(participant),
         log_(std::move(log)) {}
-  /// Error kConfiguration: they have expired, or do in a moment.
+  /// Checks our keys. Error kConfiguration: they have expired, or do in a moment.
   [[nodiscard]] Status check_keys() const;
 
   const NetworkPath path_;

@@ -85,11 +85,11 @@ class Check {
   void up(const cairn_Up& up);
   void image(const cairn_Image& image);
   void pixel(const float (&pixel)[2]);
-  /// Empty, or of the size of the mask of such an image.
+  /// Requires that the mask is empty, or of the size of the mask of such an image.
   void still_mask(const dds_sequence_octet& bits, const cairn_Image& image);
-  /// A command is numbered from 1 within a session.
+  /// Requires that a command has a session, and is numbered from 1 within it.
   void command(const cairn_CommandNumber& number);
-  /// No live bits at or beyond `slots`.
+  /// Requires at most kBlockSlots slots, and no live bits at or beyond `slots`.
   void live_mask(uint64_t live, size_t slots);
   template <typename Sequence>
   void count(const Sequence& sequence, size_t max) {
@@ -101,7 +101,7 @@ class Check {
   const char* what_ = nullptr;
 };
 
-/// Of a client, rig, operator or wearer.
+/// Checks the name of a client, rig, operator or wearer; the fault is named `what`.
 void require_name(const char* text, bool may_be_empty, const char* what, Check* check);
 
 /// `message` if the check passed, else the error.
@@ -135,7 +135,7 @@ template <size_t N>
   return {{number.session}, number.seq};
 }
 
-/// What is decided of a client's commands (OfferVerdict, ClientReply), but for the decisions.
+/// Encodes what is decided of a client's commands (OfferVerdict, ClientReply), all but the decisions.
 template <typename Sample, typename Message>
 [[nodiscard]] Sample encode_decided(const Message& message) {
   Sample sample{};
@@ -146,7 +146,8 @@ template <typename Sample, typename Message>
   sample.credit = message.credit;
   return sample;
 }
-/// Likewise, with as many decisions as the limits allow.
+/// Decodes the same, and refuses a sample with more decisions than the limits allow. The decisions themselves
+/// are left to the caller.
 template <typename Message, typename Sample>
 [[nodiscard]] Result<Message> decode_decided(const Sample& sample, Check* check) {
   check->schema(sample.schema_version);

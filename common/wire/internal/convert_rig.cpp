@@ -58,7 +58,7 @@ void check_rotation(const double (&q)[4], Check* check) {
   check->pose({.rotation = {q[0], q[1], q[2], q[3]}, .translation = {}});
 }
 
-/// Of the IMU: a RigInertial or a RigSample.
+/// Checks a sample of the IMU: a RigInertial or a RigSample.
 template <typename Measured>
 void check_measured(const Measured& measured, Check* check) {
   check->time(measured.time);
@@ -81,7 +81,7 @@ std::optional<Eigen::Quaterniond> decode_rotation(bool known, const double (&q)[
   return known ? std::optional(Eigen::Quaterniond(q[3], q[0], q[1], q[2])) : std::nullopt;
 }
 
-/// What a rig says to the tracker of its camera.
+/// Encodes the part of a rig's state that is for the tracker of its camera.
 void encode_for_tracker(const RigState& message, Scratch* scratch, cairn_RigState* sample) {
   fill_sequence(message.samples.size(), scratch, &sample->samples, [&](size_t i, cairn_RigSample& out) {
     const RigImuSample& measured = message.samples[i];

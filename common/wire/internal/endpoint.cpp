@@ -36,13 +36,13 @@ Error too_large(const char* topic, size_t bytes) {
 
 using EndpointPtr = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
 
-/// Null when it has gone.
+/// The middleware's data of the writer that made a publication; null when it has gone.
 EndpointPtr matched_publication(dds_entity_t reader, dds_instance_handle_t publication) {
   return {dds_get_matched_publication_data(reader, publication), &dds_builtintopic_free_endpoint};
 }
 
-/// What a reader has, taken from it in the middleware's own memory, which goes back to it when this goes:
-/// also where who looks at the samples throws.
+/// The samples taken from a reader, in the middleware's own memory. The destructor gives that back, also
+/// where whoever looks at the samples throws.
 class Loan {
  public:
   explicit Loan(dds_entity_t reader)

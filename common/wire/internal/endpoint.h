@@ -20,10 +20,10 @@ class WriterEntity {
                                                                     std::string_view partition);
   /// `payload_bytes` for the statistics.
   [[nodiscard]] Status write(const void* sample, size_t payload_bytes);
-  /// As write() would send it, for all writers of this topic and context.
+  /// Makes the sample that write() would send, in a form that all writers of this topic and context can send.
   [[nodiscard]] Result<std::shared_ptr<const SerializedSample>> serialize(const void* sample,
                                                                           size_t payload_bytes) const;
-  /// As above, but it may leave as late as with flush().
+  /// Writes such a sample; it may leave only with the next flush().
   [[nodiscard]] Status write(const SerializedSample& sample);
   void flush();
   [[nodiscard]] Status dispose(const void* sample);

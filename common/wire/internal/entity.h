@@ -47,7 +47,7 @@ using QosPtr = std::unique_ptr<dds_qos_t, QosDelete>;
 struct DdsFree {
   void operator()(void* memory) const { dds_free(memory); }
 };
-/// What the middleware has allocated for its caller.
+/// Owns what the middleware has allocated for its caller.
 template <typename T>
 using DdsPtr = std::unique_ptr<T, DdsFree>;
 

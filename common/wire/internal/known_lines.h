@@ -12,7 +12,7 @@ struct KnownLine {
   std::string words;         ///< for a person
   bool is_harmless = false;  ///< nobody has to know or to do anything: for who looks for a fault
 };
-/// Nothing: the line speaks for itself, or nobody has met it yet. Pure.
+/// What the line means. Nothing: the line speaks for itself, or nobody has met it yet. Pure.
 [[nodiscard]] std::optional<KnownLine> known_line(std::string_view line);
 
 }  // namespace cairn::wire::internal

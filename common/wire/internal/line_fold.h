@@ -27,10 +27,10 @@ class LineFold {
     std::string text;
     bool is_error = false;
   };
-  /// What to say now that a line has come, in order: what is due of what was folded, and the line, unless it
-  /// is folded.
+  /// Returns what to say now that a line has come, in order: those folded lines that are due, and the line
+  /// itself unless it is folded.
   [[nodiscard]] std::vector<Said> take(std::string_view file, uint32_t line, Said said, TimePoint now);
-  /// What was folded and has not been told.
+  /// The lines that were folded and have not been told since.
   [[nodiscard]] std::vector<Said> rest();
 
  private:

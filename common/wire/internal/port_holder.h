@@ -15,7 +15,8 @@ struct PortHolder {
   int process = 0;
 };
 
-/// Who has it, as /proc tells; nothing when nobody has, or a process that we may not look at.
+/// The process that has a UDP port of this host, as /proc tells; nothing when nobody has it, or a process
+/// that we may not look at.
 [[nodiscard]] std::optional<PortHolder> find_port_holder(uint16_t port);
 
 }  // namespace cairn::wire::internal

@@ -25,7 +25,7 @@ enum class QosClass : uint8_t {
 
 [[nodiscard]] QosPtr writer_qos(QosClass qos_class);
 [[nodiscard]] QosPtr reader_qos(QosClass qos_class);
-/// For publishers and subscribers.
+/// The quality of service of publishers and subscribers in a partition.
 [[nodiscard]] QosPtr partition_qos(const std::string& partition);
 [[nodiscard]] std::vector<std::string> partitions_of(const dds_qos_t* qos);
 
