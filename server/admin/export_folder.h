@@ -7,8 +7,8 @@
 #include "common/base/result.h"
 #include "server/admin/exported_scene.h"
 
-/// Where exported maps are left: each file and folder once it is whole, in the place of what an earlier
-/// export has left there, which is told by its names.
+/// Folders where exported maps are left: each file and folder once it is whole, in the place of what an
+/// earlier export has left there, which is told by its names.
 namespace cairn {
 
 /// A folder of its own for what is not finished, within the one where that will be left, so that moving it

@@ -172,7 +172,7 @@ Status show(AdminClient* client, const Words& words, bool as_json) {
   return {};
 }
 
-/// Those that the words name.
+/// Ids of the proposals that the words name.
 Result<std::vector<std::string>> ids_of(AdminClient* client, const Words& words) {
   if (words.all != words.ids.empty())
     return fail(ErrorCode::kUsage, "which? `cairnctl proposals` lists them; ID... or --all");

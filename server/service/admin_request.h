@@ -208,7 +208,7 @@ struct OfMap {
 };
 
 struct Unknown {};
-/// Of a verb that is known, without what it takes.
+/// A request whose verb is known, but which lacks what the verb takes.
 struct Unfit {
   Error why;
 };

@@ -79,7 +79,7 @@ class SeedGate {
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };
 
   void enter_session(SessionId session);
-  /// As CommandGate::resume(): the last seed that was accepted.
+  /// Takes up the last seed that was accepted before a restart, as CommandGate::resume() does.
   void resume(const wire::SeedVerdict& verdict);
   [[nodiscard]] Admission admit(uint64_t seq);
   /// The verdict on an admitted seed. True if it is still the newest one, that is, to be published.

@@ -29,11 +29,11 @@ class Health {
   /// What has been set aside, and what could not be loaded: as they were when last looked for.
   [[nodiscard]] const std::vector<DamagedFile>& damaged() const { return damaged_; }
   [[nodiscard]] const std::vector<UnloadedMap>& unloaded() const { return unloaded_; }
-  /// That somebody has just looked for them.
+  /// Notes damaged and unloaded files that somebody has just looked for.
   void note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unloaded);
   /// Looks for them again, beside the store's writer: an operator may have taken something away.
   void look_again();
-  /// All maps of the store have been read.
+  /// Notes that all maps of the store have been read.
   void note_restored();
 
  private:

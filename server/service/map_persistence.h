@@ -81,8 +81,8 @@ class MapPersistence {
   void hold_strand(std::function<void(HeldStrand::Hold place)> then);
   /// What takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the end.
   void run_examination(std::function<void(const std::filesystem::path& folder)> task);
-  /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
-  /// long each time, two minutes at most.
+  /// Delay before the next attempt at what failed for reasons of one map's own, after so many failures in a
+  /// row: twice as long each time, two minutes at most.
   [[nodiscard]] static std::chrono::seconds delay_after(int failures);
   /// Runs `task` on the writer's thread after a time; dropped at the end.
   void later(std::function<void()> task, std::chrono::milliseconds delay = kSaveDelay);

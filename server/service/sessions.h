@@ -25,7 +25,7 @@ class Sessions {
   /// A tracker's word on itself. Whether it counts: another live process may hold the name.
   bool hear(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
             const wire::TrackerStateMessage& message);
-  /// From a process under this name; more of them may send.
+  /// Takes a camera that a process announces under this name; more of them may send.
   void announce(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera);
   /// Whether a command of this session is of the process that holds the name.
   [[nodiscard]] bool holds(const Client& client, SessionId session) const {
@@ -35,9 +35,9 @@ class Sessions {
   /// for a worker; then it is told.
   [[nodiscard]] bool refuses_lockstep(Client& client, bool lockstep);
 
-  /// Its process is not heard any more.
+  /// Notes that the client's process is not heard any more.
   void fell_silent(ClientId id);
-  /// The client is not there any more.
+  /// Notes that the client is not there any more.
   void left(const std::string& name);
   /// The process that holds the name now is not served any more; another may come. Error kNotFound.
   [[nodiscard]] Status kick(const std::string& name);

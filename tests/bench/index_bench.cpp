@@ -104,7 +104,7 @@ class World {
                                    std::move(words)));
     }
   }
-  /// Every second one of a place that is mapped.
+  /// Draws queries, every second one of a place that is mapped.
   std::vector<Query> ask(size_t count) {
     std::vector<Query> queries;
     for (size_t i = 0; i < count; ++i) {
@@ -119,7 +119,7 @@ class World {
   PlaceIndex index;
 
  private:
-  /// As many as a recorded keyframe has and as scattered over cells, but others in each map.
+  /// Draws words: as many as a recorded keyframe has and as scattered over cells, but others in each map.
   std::vector<WordId> draw_words(size_t renaming) {
     if (recorded_ == nullptr) return {};
     const auto& keyframes = recorded_->map->keyframes;

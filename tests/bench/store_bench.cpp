@@ -118,7 +118,7 @@ Status time_paging_in(const std::filesystem::path& folder) {
   return {};
 }
 
-/// From handing in a keyframe to its answer, one after another and with all maps at once.
+/// Times commits, from handing in a keyframe to its answer, one after another and with all maps at once.
 Status time_commits(const StoredMap& map, const std::filesystem::path& folder, int copies, int rounds) {
   auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());
