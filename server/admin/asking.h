@@ -9,11 +9,11 @@
 #include "common/base/result.h"
 #include "server/admin/admin_client.h"
 
-/// What most commands of cairnctl do: ask the server, and print its answer.
+/// Most commands of cairnctl: they ask the server, and print its answer.
 namespace cairn {
 
-/// What the words of a line ask for: nothing, unless they were there. `as_json`: answers are printed for
-/// machines.
+/// The action that the words of a line ask for; empty, unless they were there. `as_json`: answers are printed
+/// for machines.
 using AccessAction = std::function<Status(AdminClient* client, bool as_json)>;
 
 /// Asks, and prints the answer as JSON or by `print`.

@@ -23,8 +23,8 @@ class StagingFolder {
   StagingFolder& operator=(const StagingFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  /// What went wrong with a file in here, told of the path under `place` where it was to go: that is what its
-  /// user knows.
+  /// An error with a file in this folder, told of the path under `place` where the file was to go, which is
+  /// what its user knows.
   [[nodiscard]] Error told_of(const std::filesystem::path& place, Error error) const;
 
  private:

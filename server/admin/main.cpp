@@ -120,7 +120,7 @@ void print(const Options& options, const json& content, const std::function<void
   }
 }
 
-/// What there is of what there may be at most.
+/// Prints how much there is of what the server limits, and the limits.
 void print_limits(const json& status) {
   const json limits = status.value("limits", json::object());
   const uint64_t idle_after = count_of(limits, "rest_after_s");

@@ -246,7 +246,8 @@ Status welcome(AdminClient* client, const Words& words, const json& welcome, boo
 
 using Run = Status (*)(AdminClient* client, const Words& words, bool as_json);
 
-/// What `run` is to do, with the words as they are once the line has been read.
+/// A callback that makes `run` the action of the line, with the words as they are once the line has been
+/// read.
 std::function<void()> to_run(Run run, const std::shared_ptr<Words>& words, AccessAction* action) {
   return [run, words, action] {
     *action = [run, words](AdminClient* client, bool as_json) { return run(client, *words, as_json); };

@@ -41,7 +41,7 @@ BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adju
 /// map is untouched unless the report says usable.
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
                             const std::function<bool()>& should_stop);
-/// The same for the whole map, to convergence: for the start, when the map is small.
+/// Adjusts the whole map and writes it back, to convergence: for the start, when the map is small.
 BundleReport adjust_whole(MapState* map, const MapMakerOptions& options);
 
 /// Options with which a global adjustment is solved, wherever it runs.

@@ -138,7 +138,7 @@ const AdminVerb* find_admin_verb(const Verbs& verbs, std::string_view name) {
   return found == verbs.end() ? nullptr : &*found;
 }
 
-/// What it is about, for the audit log.
+/// The object that a request is about, for the audit log.
 std::string object_of(const json& request) {
   std::string object;
   for (const char* part : {"map", "tag", "name", "client", "proposal"}) {

@@ -32,7 +32,7 @@ Value value_of(std::future<Value> future) {
   return future.get();
 }
 
-/// What `ask` passes on to the callback that it is given.
+/// Waits for the value that `ask` passes to the callback that it is given, and returns it.
 template <typename Value>
 Value answer_to(const std::function<void(std::function<void(Value)>)>& ask) {
   auto promise = std::make_shared<std::promise<Value>>();
@@ -136,7 +136,7 @@ class KeptMap {
   }
   OfferJudgement offer(const KeyframeInput& input) { return value_of(send(input)); }
 
-  /// What was begun on the queue, and what that has posted to it, has come to its end.
+  /// Waits until what was begun on the queue, and what that has posted to it, has come to its end.
   void settle_queue() {
     for (int i = 0; i < 3; ++i) (void)answer_to<MapMeasures>([this](auto done) { runner_->measure(done); });
   }
@@ -294,7 +294,7 @@ class IdleMapTest : public testing::KeptMapFixture {
     EXPECT_TRUE(made) << made.error().message;
     return map;
   }
-  /// With a store of its own.
+  /// Starts a map with a store of its own.
   [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& name = "map") {
     return start_map(name, open_store(name), header_.id);
   }

@@ -35,7 +35,7 @@ std::string why_outside(const Ruling& ruling, const wire::ClientRequest& request
                                                     : outside(*ruling.extent, "the label", *place);
 }
 
-/// What an entry of the audit log calls it.
+/// Name of a request's action in the audit log.
 std::string action_of(wire::RequestAction action) {
   if (action == wire::RequestAction::kAddLabel) return "label place";
   return action == wire::RequestAction::kRenameLabel ? "label rename" : "label remove";

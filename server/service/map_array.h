@@ -119,7 +119,7 @@ class MapArray {
 /// One that has been shown, by its name or id. Null: there is none.
 [[nodiscard]] std::pair<MapId, MapEntry*> find_called(MapArray& maps, const std::string& name_or_id);
 
-/// What a client that has this right is told of a map that has been made.
+/// The message that a client with this right gets about a map that has been made.
 [[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right);
 
 }  // namespace cairn

@@ -45,7 +45,7 @@ struct RestoredMap {
 /// loaded is set aside or left alone, and named. Thread-safe.
 class MapOpening {
  public:
-  /// What it works with; all outlives it.
+  /// Store, threads and log that it works with; all outlive it.
   struct With {
     Store& store;
     std::function<void(std::function<void(Store& store)> task)> run;  ///< in the writer's turn

@@ -78,10 +78,10 @@ struct OfferJudgement {
 /// Grey image of a message, or why not (size other than stated, not an image).
 [[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
 
-/// What takes a look at all of a map.
+/// Measures of a map that take a look at all of it.
 struct MapMeasures {
   double reprojection_rms = 0;  ///< as MapMaker::reprojection_rms()
-  /// Those that took its keyframes, and how many each took.
+  /// Cameras that took its keyframes, and how many each took.
   std::vector<std::pair<CameraParameters, size_t>> cameras;
 };
 

@@ -59,7 +59,8 @@ told::Contributors contributors_of(const MapSnapshot& map, std::span<const Contr
 
 /// The map can be stopped now.
 using Stoppable = std::function<void(MapEntry* entry, const HeldStrand::Hold& place)>;
-/// What others have going on beside the writer, an archive or a backup, is waited for with the map at work.
+/// Calls `then` when the map can be stopped. What others have going on beside the writer, an archive or a
+/// backup, is waited for with the map at work.
 void when_stoppable(const ServiceContext& context, ServedMaps& maps, MapId id, const AdminAnswer& answer,
                     Stoppable then) {
   context.store->hold_strand(

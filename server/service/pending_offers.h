@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What all offers that wait take of memory.
+/// Memory [bytes] of all offers that wait.
 using WaitingBytes = std::shared_ptr<std::atomic<size_t>>;
 
 /// Something that a client has offered and nobody has decided yet; held by what waits for that.

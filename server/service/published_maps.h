@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// What a reader of a map has at first; what comes then, ServiceOutput tells.
+/// The state that a reader of a map has at first; what comes then, ServiceOutput tells.
 struct FollowedMap {
   MapSnapshotPtr newest;
   std::vector<wire::LabelMessage> labels;

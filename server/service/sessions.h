@@ -66,7 +66,7 @@ class Sessions {
 /// Whether a command whose camera is not known should be left until it is sent again: commands and cameras
 /// are not in order with each other.
 [[nodiscard]] bool may_yet_come(Client& client, MonotonicTime now);
-/// What is said of a camera that has not come.
+/// Message about a camera that has not been announced.
 [[nodiscard]] std::string unknown_camera(uint32_t camera, uint32_t version);
 
 }  // namespace cairn

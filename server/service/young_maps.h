@@ -58,7 +58,7 @@ class YoungMaps {
     std::optional<MonotonicTime> away_since;  ///< its maker, and whoever looks whether it is there
     MonotonicTime last_heard;
   };
-  /// What its maker says; whether it may still die young.
+  /// Notes what the maker of a map says. Returns whether the map may still be dropped.
   [[nodiscard]] static bool note(Young* young, bool is_here, const Word& word, MonotonicTime now);
 
   std::map<MapId, Young> maps_;

@@ -211,7 +211,8 @@ class MapFile {
   [[nodiscard]] Status copy_to(const std::filesystem::path& path);
   /// Writes the log back to the file, so that the file alone is all of it. Error kIo; nothing is lost then.
   [[nodiscard]] Status write_back() { return database_.checkpoint(); }
-  /// The same once the log is long. After answers have gone out: it takes some ten milliseconds.
+  /// write_back() once the log is long. To be called after answers have gone out: it takes some ten
+  /// milliseconds.
   void tidy();
 
  private:

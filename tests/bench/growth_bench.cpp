@@ -207,7 +207,7 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
   }
 }
 
-/// What was printed.
+/// Prints a row of results, and returns it as JSON.
 nlohmann::json print_row(size_t wanted, const MapSnapshot& map, const std::vector<FrameCost>& costs,
                          const std::vector<FrameCost>& in_first) {
   std::vector<double> ms, project, attempted, found, growth;

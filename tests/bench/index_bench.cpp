@@ -177,7 +177,7 @@ Measured measure(const std::vector<Query>& queries, const std::vector<std::vecto
   return measured;
 }
 
-/// What was printed.
+/// Prints a row of results, and returns it as JSON.
 nlohmann::json report(size_t keyframes, const char* what, const Measured& m, const std::string& note) {
   const double recall_mapped = static_cast<double>(m.found_mapped) / static_cast<double>(m.wanted_mapped);
   const double recall_elsewhere = static_cast<double>(m.found_else) / static_cast<double>(m.wanted_else);

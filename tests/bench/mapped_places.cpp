@@ -74,7 +74,7 @@ std::vector<Query> choose_queries(const std::vector<Frame>& frames, const Truth&
   return chosen;
 }
 
-/// What is known of the map by the truth.
+/// Puts into `place` what the truth says of the map.
 Status measure_map(const std::vector<StampedPose>& poses, const Truth& truth, bool is_metric, Place* place) {
   if (truth.empty()) return {};
   const auto aligned = align(poses, truth);

@@ -43,7 +43,7 @@ enum class Method : uint8_t { kOurs, kPaper, kWords, kWordsConfirmed, kCount };
 constexpr size_t kMethods = static_cast<size_t>(Method::kCount);
 constexpr std::array<const char*, kMethods> kMethodNames = {"ours", "paper", "words", "words+geometry"};
 
-/// What was answered: a pose near a keyframe of a map.
+/// An answer: a pose near a keyframe of a map.
 struct Said {
   MapId map;
   KeyframeId keyframe;
@@ -184,7 +184,7 @@ class Examination {
     return "?";
   }
 
-  /// What went wrong.
+  /// Prints what went wrong with a query.
   void tell(const Place& place, const Light& light, const Query& query, const Judged& judged,
             const std::optional<Said>& claim, const PlaceView& view) const {
     const auto say = [&](const std::string& what) {
@@ -320,7 +320,7 @@ bool are_quick(const AnswerTimes& times) {
          percentile(times.by_words(), 0.95) <= kMostWithWords;
 }
 
-/// What is left out, and with --check what does not hold.
+/// An error that names what is left out, and with --check what does not hold.
 Status judge_run(const Places& places, const std::vector<Scores>& totals, const Arguments& arguments) {
   std::vector<std::string> wrong;
   if (!places.left_out.empty())

@@ -74,7 +74,7 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
   return {};
 }
 
-/// What an idle map needs before its next work: its images from the file, decoded and prepared by one
+/// Times what an idle map needs before its next work: its images from the file, decoded and prepared by one
 /// thread.
 Status time_paging_in(const std::filesystem::path& folder) {
   auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());

@@ -11,7 +11,7 @@ namespace cairn {
 
 // Things that stand on desks, in the frame of the builder.
 
-/// What most of them are made of.
+/// Materials of which most of these things are made.
 struct Materials {
   TextureRegion dark;
   TextureRegion light;
