@@ -145,7 +145,8 @@ struct StartOptions {
 
 /// Options of the upkeep of a map as it grows: removal of points and keyframes (upkeep).
 struct UpkeepOptions {
-  int min_attempts = 6;             ///< number of searches after which a point is judged
+  /// Number of searches after which a point is judged; 1 for a point that only one keyframe shows.
+  int min_attempts = 6;
   double min_found_fraction = 0.2;  ///< share of these that must have found it; a point with less is removed
   /// Number of other keyframes that must show a point at the same or a finer level for a keyframe to be
   /// dispensable for it.

@@ -76,7 +76,7 @@ class CornerGrid {
     Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
     uint32_t corner = 0;  ///< index into PlaceView::corners
   };
-  /// The entry at a position in the grid; so descriptor().
+  /// The corner at a position in the grid, and its descriptor.
   [[nodiscard]] const Entry& entry(uint32_t position) const { return entries_[position]; }
   [[nodiscard]] const Descriptor& descriptor(uint32_t position) const { return descriptors_[position]; }
   /// Appends the positions of a level's corners within `radius` level-0 px.

@@ -15,11 +15,12 @@ namespace cairn {
 /// ConfirmOptions::ransac_threshold.
 struct RefineOptions {
   uint64_t neighbourhood = 4;  ///< number of keyframes whose points are looked for around a pose
-  double angle_weight = 1;     ///< number of mean depths that a radian between optical axes counts as
+  /// Number of mean depths that a radian between optical axes counts as, for small angles.
+  double angle_weight = 1;
   /// [px of the corner's level] Radii of the search around a pose, step by step: a pose from three points is
   /// rough yet.
   std::array<double, 3> radii = {6, 4, 2.5};
-  /// [sigma] Of where a point is expected, that the radius must hold for it to be searched.
+  /// [sigma] The radius must hold so much of where a point is expected, or the point is not searched.
   double certainty = 3;
   uint64_t enough_for_pose = 200;  ///< most points that are looked for in a step; the last step looks for all
 };
