@@ -42,7 +42,7 @@ class AccessPolicy {
   [[nodiscard]] virtual Ruling in_map(const Principal& client, const MapId& map) const = 0;
   /// Whether it may make maps: kWrite or kNone. Its extent bounds the map that is made.
   [[nodiscard]] virtual Ruling on_creating(const Principal& client) const = 0;
-  /// Those of `served` in which the client may find itself: the bounds of a search, and of its rivals.
+  /// Maps among `served` in which the client may find itself: the bounds of a search, and of its rivals.
   [[nodiscard]] virtual MapSet readable(const Principal& client, std::span<const MapId> served) const {
     std::vector<MapId> maps;
     std::ranges::copy_if(served, std::back_inserter(maps),

@@ -276,7 +276,7 @@ std::vector<Subject> Rights::subjects_of(const std::string& client) const {
   return subjects;
 }
 
-/// Those that name the client, in the order in which they are asked.
+/// Grants that name the client, in the order in which they are applied.
 std::vector<const Grant*> Rights::grants_for(const std::string& client, const MapId& map) const {
   std::vector<const Grant*> grants;
   const std::vector<Subject> subjects = subjects_of(client);

@@ -82,7 +82,7 @@ struct RuleSeen {
   Part part = Part::kOutweighed;
 };
 
-/// By the name of a client.
+/// Groups that each client belongs to, by the client's name.
 using GroupsOfClients = std::map<std::string, std::set<std::string>>;
 
 /// That a client belongs to a group, and what says so.
@@ -102,56 +102,59 @@ class Rights {
   /// `standard`: of who is not named by any grant; `may_create`: whether such a one may make maps.
   Rights(Right standard, bool may_create) : standard_(standard), may_create_(may_create) {}
 
-  /// In place of the one with the same subject and map, if there is one. Error kUsage: it grants what cannot
-  /// be, an extent of a right that lets nothing grow, names that cannot be.
+  /// Adds a grant, in place of the one with the same subject and map, if there is one. Error kUsage: it
+  /// grants what cannot be, an extent of a right that lets nothing grow, names that cannot be.
   [[nodiscard]] Status grant(Grant grant);
-  /// Error kNotFound: there is no such grant.
+  /// Removes a grant. Error kNotFound: there is no such grant.
   [[nodiscard]] Status revoke(const Subject& subject, const std::optional<MapId>& map);
-  /// Nothing: as its other grants and the site's default say.
+  /// Sets whether a subject may make maps. `may` nothing: its other grants and the site's default say so.
   [[nodiscard]] Status let_create(const Subject& subject, std::optional<bool> may);
-  /// An empty set removes the group.
+  /// Sets the members of a group; an empty set removes it.
   [[nodiscard]] Status put_group(const std::string& name, std::set<std::string> members);
-  /// The groups that the keys of clients name, beside those of put_group(). No part of table(): the register
-  /// of the keys says so at each start.
+  /// Sets the groups that the keys of clients name, beside those of put_group(). They are no part of table():
+  /// the register of the keys says so at each start.
   void set_groups_of_keys(GroupsOfClients groups) { groups_of_keys_ = std::move(groups); }
   void set_standard(Right right, bool may_create);
-  /// Who has made a map may write in it, unless a grant for this map has said something else: granted by the
-  /// server, and revocable as any other.
+  /// Lets the maker of a map write in it, unless a grant for this map has said something else. The grant is
+  /// by the server, and revocable as any other.
   [[nodiscard]] Status let_maker_write(const std::string& client, const MapId& map, Timestamp now);
-  /// Who is not named, as a client or by a group, may do nothing: neither by default nor by what everyone was
-  /// granted, nor by having made a map when nobody had to prove who he was.
+  /// From now on a client that is not named, as a client or by a group, may do nothing: neither by default
+  /// nor by what everyone was granted, nor by having made a map when nobody had to prove who he was.
   void close_to_unnamed();
-  /// Nothing: it takes keyframes again. Error kUsage: words that a person cannot read in one line.
+  /// Freezes a map, or with no `closure` lets it take keyframes again. Error kUsage: words that a person
+  /// cannot read in one line.
   [[nodiscard]] Status freeze(const MapId& map, std::optional<Closure> closure);
-  /// Nothing: let in again. Error kUsage: no client can have that name; as of freeze().
+  /// Blocks a client, or with no `closure` lets it in again. Error kUsage: no client can have that name; as
+  /// of freeze().
   [[nodiscard]] Status block(const std::string& client, std::optional<Closure> closure);
-  /// Whether keyframes of those who may not add them are kept aside as proposals: in a map, or, without one,
-  /// in all maps of which nothing else is said. Nothing: in the map, as in all others; in all, no.
+  /// Sets whether keyframes of those who may not add them are kept aside as proposals: in a map or, without
+  /// one, in all maps of which nothing else is said. `welcome` nothing: in the map as in all others; in all,
+  /// no.
   void welcome_proposals(const std::optional<MapId>& map, std::optional<bool> welcome);
-  /// The map is gone for good: its grants go with it.
+  /// Forgets a map that is gone for good: its grants go with it.
   void forget(const MapId& map);
 
   [[nodiscard]] Ruling rule(const std::string& client, const MapId& map, Timestamp now) const;
-  /// `right` is kWrite or kNone.
+  /// Whether the client may make maps: `right` of the ruling is kWrite or kNone.
   [[nodiscard]] Ruling rule_on_creating(const std::string& client) const;
   [[nodiscard]] bool welcomes_proposals(const MapId& map) const;
-  /// Empty: it is not frozen.
+  /// Why the map is frozen, for a person; empty: it is not.
   [[nodiscard]] std::string why_frozen(const MapId& map) const;
-  /// Empty: it is not blocked.
+  /// Why the client is blocked, for a person; empty: it is not.
   [[nodiscard]] std::string why_blocked(const std::string& client) const;
-  /// All that was looked at for rule().
+  /// All rules that rule() looks at for its ruling, in that order.
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;
   /// Clients that a grant or a group names.
   [[nodiscard]] std::set<std::string> named_clients() const;
-  /// By group.
+  /// The groups of a client and what says so, ordered by group.
   [[nodiscard]] std::vector<Membership> memberships(const std::string& client) const;
   /// All groups that have members, by rights or by keys.
   [[nodiscard]] std::set<std::string> groups() const;
   /// When a ruling changes next by itself, after `now`.
   [[nodiscard]] std::optional<Timestamp> next_expiry(Timestamp now) const;
 
-  /// All of it, to be kept and shown.
+  /// All rules and grants, to be kept and shown.
   struct Table {
     Right standard = Right::kNone;
     bool may_create = false;

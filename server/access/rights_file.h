@@ -17,7 +17,7 @@ namespace cairn {
 /// cannot be, a time in no calendar, more than `kMostRules` rules. Nothing is taken in part.
 [[nodiscard]] Result<Rights> read_rights(std::string_view text);
 
-/// Of each kind; more is no list that a person keeps.
+/// Most rules of each kind in a file; more is no list that a person keeps.
 inline constexpr size_t kMostRules = 100'000;
 
 }  // namespace cairn

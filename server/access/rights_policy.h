@@ -29,7 +29,7 @@ class RightsPolicy : public AccessPolicy {
   [[nodiscard]] std::string why_blocked(const Principal& client) const override {
     return rights_.why_blocked(client.name);
   }
-  /// By the operator's role.
+  /// Whether the operator's role allows the act. Error kRefused: it does not.
   [[nodiscard]] Status may_ask(const Principal& who, OperatorAct act) const override {
     const Duty needed = duty_for(act);
     if (who.duty >= needed) return {};
@@ -39,7 +39,7 @@ class RightsPolicy : public AccessPolicy {
   }
 
   [[nodiscard]] const Rights& rights() const { return rights_; }
-  /// From now on.
+  /// Sets the rights that hold from now on.
   void put(Rights rights) { rights_ = std::move(rights); }
   [[nodiscard]] Timestamp now() const { return clock_(); }
 

@@ -35,7 +35,7 @@ constexpr const char* kRightsFooter =
     "  cairnctl rights revoke phone-1 desk\n"
     "  cairnctl rights explain phone-2 desk";
 
-/// All that the words of these commands may say.
+/// Values of all words that these commands take.
 struct Words {
   std::string to;
   std::string map;
@@ -55,7 +55,7 @@ struct Words {
   int limit = 50;
 };
 
-/// What may not be as it was meant.
+/// Prints the note of an answer, if there is one: what may not be as it was meant.
 void print_note(const json& answer) {
   if (const std::string note = text_of(answer, "note"); !note.empty())
     std::fprintf(stderr, "cairnctl: note: %s\n", note.c_str());
@@ -137,7 +137,7 @@ bool has_extent(const Words& words) {
   return !words.box.empty() || !words.sphere.empty() || words.margin.has_value();
 }
 
-/// As the words say; nothing where they do not.
+/// Puts the extent that the words name into a request; nothing where they name none.
 void put_extent(const Words& words, json* request) {
   const auto corner = [&](size_t at) { return json{words.box[at], words.box[at + 1], words.box[at + 2]}; };
   if (!words.box.empty()) (*request)["within"] = {{"box", {corner(0), corner(3)}}};
@@ -260,7 +260,7 @@ std::string corner_of(const json& bounds, const char* which) {
   return text;
 }
 
-/// Of all rules, those about growing within bounds in this map.
+/// The rules, of all, about growing within bounds in this map.
 json grants_within(const json& rules, const json& map) {
   json grants = json::array();
   for (const json& rule : rules.value("grants", json::array())) {

@@ -41,7 +41,7 @@ tl::unexpected<Error> gone() {
   return fail(ErrorCode::kNoServer, "the server does not answer any more");
 }
 
-/// What a page has of a list, behind what there is; how many.
+/// Appends the items of a list on a page to `all`. Returns how many there were.
 size_t append(const json& page, const char* list, json* all) {
   const json items = page.value(list, json::array());
   all->insert(all->end(), items.begin(), items.end());

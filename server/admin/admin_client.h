@@ -35,8 +35,8 @@ class AdminClient {
     nlohmann::json content;
     std::vector<uint8_t> data;
   };
-  /// From now on a request ends with an error (kIo) within a second of when `requested` says so. Asked by the
-  /// thread that waits.
+  /// Sets when to stop: from now on a request ends with an error (kIo) within a second of when `requested` is
+  /// true. It is called by the thread that waits.
   void stop_when(std::function<bool()> requested) { stop_requested_ = std::move(requested); }
 
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
@@ -48,17 +48,18 @@ class AdminClient {
   [[nodiscard]] Result<nlohmann::json> labels(const std::string& map);
 
   using Progress = std::function<void(uint64_t bytes, uint64_t of)>;
-  /// The archive of a map into `file`, of which an error may leave a part; what the server says of the map.
+  /// Downloads the archive of a map into `file`, of which an error may leave a part. Returns what the server
+  /// says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
                                                 const Progress& progress);
-  /// Likewise what another request makes ready: `token` and `bytes`.
+  /// Downloads what another request makes ready, which the server names by `token` and `bytes`.
   [[nodiscard]] Result<nlohmann::json> download(const nlohmann::json& request,
                                                 const std::filesystem::path& file, const Progress& progress);
-  /// The map that the server has made of an archive. Errors do not name the file.
+  /// Uploads an archive. Returns the map that the server has made of it. Errors do not name the file.
   [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
 
  private:
-  /// The pieces of a transfer, one after another, into a file.
+  /// Downloads the pieces of a transfer, one after another, into a file.
   [[nodiscard]] Status fetch(const std::string& token, uint64_t size, const std::filesystem::path& file,
                              const Progress& progress);
   AdminClient(std::string name, wire::Participant participant, wire::Writer<wire::AdminRequest> requests,

@@ -9,11 +9,11 @@
 #include "common/base/result.h"
 #include "server/admin/admin_client.h"
 
-/// What most commands of cairnctl do: ask the server, and print its answer.
+/// Most commands of cairnctl: they ask the server, and print its answer.
 namespace cairn {
 
-/// What the words of a line ask for: nothing, unless they were there. `as_json`: answers are printed for
-/// machines.
+/// The action that the words of a line ask for; empty, unless they were there. `as_json`: answers are printed
+/// for machines.
 using AccessAction = std::function<Status(AdminClient* client, bool as_json)>;
 
 /// Asks, and prints the answer as JSON or by `print`.
@@ -23,12 +23,12 @@ using AccessAction = std::function<Status(AdminClient* client, bool as_json)>;
 /// Whether a question was answered with yes, by a person at a terminal. Error kUsage without a terminal: it
 /// names the option that says yes.
 [[nodiscard]] Result<bool> confirmed(const std::string& question);
-/// Nothing to say against it: `yes`, or it was confirmed. Error kRefused: it was not.
+/// Asks the person a question, unless `yes`. Error kRefused: it was not confirmed.
 [[nodiscard]] Status confirm(bool yes, const std::string& question);
 /// The flag for `yes`.
 void add_yes(CLI::App* app, bool* yes);
 
-/// What is wrong with a word that goes to the server as text (UTF-8; a path may be any bytes); empty:
+/// Says what is wrong with a word that goes to the server as text (UTF-8; a path may be any bytes); empty:
 /// nothing.
 [[nodiscard]] std::string fault_of_word(const std::string& text);
 

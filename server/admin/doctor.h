@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// What a look at one thing has found.
+/// The result of a look at one thing.
 struct Finding {
   enum class Grade { kOk, kWarning, kProblem };
   std::string what;  ///< "ports"

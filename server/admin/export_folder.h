@@ -7,8 +7,8 @@
 #include "common/base/result.h"
 #include "server/admin/exported_scene.h"
 
-/// Where exported maps are left: each file and folder once it is whole, in the place of what an earlier
-/// export has left there, which is told by its names.
+/// Folders where exported maps are left: each file and folder once it is whole, in the place of what an
+/// earlier export has left there, which is told by its names.
 namespace cairn {
 
 /// A folder of its own for what is not finished, within the one where that will be left, so that moving it
@@ -23,8 +23,8 @@ class StagingFolder {
   StagingFolder& operator=(const StagingFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  /// What went wrong with a file in here, told of the path under `place` where it was to go: that is what its
-  /// user knows.
+  /// An error with a file in this folder, told of the path under `place` where the file was to go, which is
+  /// what its user knows.
   [[nodiscard]] Error told_of(const std::filesystem::path& place, Error error) const;
 
  private:

@@ -10,10 +10,11 @@ namespace {
 
 constexpr std::string_view kImageStem = "keyframe-";
 
-/// What a tracker measured alone, and no second keyframe shows yet, is left out: others triangulate.
+/// Fewest keyframes that must show a point for it to be exported: what a tracker measured alone is left out,
+/// as others triangulate.
 constexpr size_t kFewestViews = 2;
 
-/// What a scene is made of, by id.
+/// The parts of a record of which a scene is made, by id.
 struct Parts {
   explicit Parts(const MapRecord& record) {
     for (const KeyframeRecord& k : record.keyframes) {

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// What `cairnctl keys` asks for, of a folder and not of a server: nothing, unless its words were there.
+/// The action of `cairnctl keys`, on a folder and not on a server; empty, unless its words were there.
 using KeysAction = std::function<Status(bool as_json)>;
 
 /// The words of `cairnctl keys`; `action` is what they ask for.

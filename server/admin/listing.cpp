@@ -17,7 +17,7 @@ namespace {
 constexpr size_t kNameColumns = 24;  ///< wide enough for most names of maps
 constexpr size_t kTextColumns = 32;
 
-/// As wide as a terminal shows it, which is not the number of its bytes.
+/// A text padded to as many columns as a terminal shows, which is not the number of its bytes.
 std::string column_of(const std::string& text, size_t columns) {
   return padded(text.empty() ? "?" : text, columns);
 }

@@ -16,7 +16,7 @@ namespace cairn {
 [[nodiscard]] uint64_t count_of(const nlohmann::json& object, const char* key);
 
 void print_map(const nlohmann::json& map);
-/// All that `show` has.
+/// Prints all that `show` has of a map.
 void print_whole_map(const nlohmann::json& map);
 void print_deleted(const nlohmann::json& map);
 void print_damaged(const nlohmann::json& file);

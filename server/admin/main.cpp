@@ -96,7 +96,7 @@ struct Options {
   std::string text;
 };
 
-/// To stderr, on a terminal only.
+/// Shows the progress of a transfer on stderr, on a terminal only.
 AdminClient::Progress progress_of(const std::string& what) {
   const bool shown = isatty(STDERR_FILENO) != 0;
   return [what = one_line(what), shown](uint64_t bytes, uint64_t of) {
@@ -107,7 +107,7 @@ AdminClient::Progress progress_of(const std::string& what) {
   };
 }
 
-/// All of a list, each by `print_one`.
+/// Prints all items of a list, each by `print_one`.
 void print_each(const json& object, const char* list, void (*print_one)(const json&)) {
   for (const json& item : object.value(list, json::array())) print_one(item);
 }
@@ -120,7 +120,7 @@ void print(const Options& options, const json& content, const std::function<void
   }
 }
 
-/// What there is of what there may be at most.
+/// Prints how much there is of what the server limits, and the limits.
 void print_limits(const json& status) {
   const json limits = status.value("limits", json::object());
   const uint64_t idle_after = count_of(limits, "rest_after_s");
@@ -299,8 +299,8 @@ Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const
   return left;
 }
 
-/// All that can be had: of a backup, one map that fails must not cost the others. Interrupted, it leaves what
-/// is whole and nothing hidden.
+/// Exports all maps that can be had: in a backup, one map that fails must not cost the others. If
+/// interrupted, it leaves what is whole and nothing hidden.
 Status export_maps(AdminClient* client, const Options& options) {
   if (options.rgb && (options.format == "archive" || options.format == "ply"))
     return fail(ErrorCode::kUsage, "--rgb is of images, which --format " + options.format + " has not");

@@ -172,7 +172,7 @@ Status show(AdminClient* client, const Words& words, bool as_json) {
   return {};
 }
 
-/// Those that the words name.
+/// Ids of the proposals that the words name.
 Result<std::vector<std::string>> ids_of(AdminClient* client, const Words& words) {
   if (words.all != words.ids.empty())
     return fail(ErrorCode::kUsage, "which? `cairnctl proposals` lists them; ID... or --all");
@@ -246,7 +246,8 @@ Status welcome(AdminClient* client, const Words& words, const json& welcome, boo
 
 using Run = Status (*)(AdminClient* client, const Words& words, bool as_json);
 
-/// What `run` is to do, with the words as they are once the line has been read.
+/// A callback that makes `run` the action of the line, with the words as they are once the line has been
+/// read.
 std::function<void()> to_run(Run run, const std::shared_ptr<Words>& words, AccessAction* action) {
   return [run, words, action] {
     *action = [run, words](AdminClient* client, bool as_json) { return run(client, *words, as_json); };

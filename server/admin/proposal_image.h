@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// Where an image shows a point of the map, or should, in its pixels.
+/// Pixel at which an image shows a point of the map, or should.
 struct MarkedPoint {
   int x = 0;
   int y = 0;

@@ -31,7 +31,7 @@ class RigClient {
   /// Joins the network; the rig need not be there. Errors: kUsage (domain, host), kConfiguration.
   [[nodiscard]] static Result<RigClient> join(const RigClientOptions& options);
 
-  /// What the rig says of itself now. Error kNoServer.
+  /// The state of the rig, as it says now. Error kNoServer.
   [[nodiscard]] Result<wire::RigState> state();
   /// Carried out by the rig, which has said so. Of `order`, the mode and what belongs to it count. Errors:
   /// kNoServer, and kRefused with the rig's reason.

@@ -127,7 +127,7 @@ void print_state(const RigState& state, bool as_json) {
   std::printf("trouble  %s\n", state.trouble.empty() ? "none" : state.trouble.c_str());
 }
 
-/// After the drives were told to move: until they no longer do, or somebody asks.
+/// Waits after the drives were told to move: until they no longer do, the time is over, or it is interrupted.
 Status hold(RigClient* client, RigMode mode, const Words& words) {
   const Interruption interruption;
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(words.seconds);
@@ -173,7 +173,7 @@ Status order(const RigClientOptions& network, bool as_json, RigMode mode, const 
   return {};
 }
 
-/// Of an emergency stop, then of faults: each is a command of its own, and nothing moves.
+/// Clears an emergency stop, then faults: each is a command of its own, and nothing moves.
 Status clear(const RigClientOptions& network, bool as_json) {
   auto client = RigClient::join(network);
   if (!client) return tl::unexpected(client.error());

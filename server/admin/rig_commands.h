@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// What `cairnctl rig` asks for, of a rig and not of a server: nothing, unless its words were there.
-/// `as_json`: states are printed for machines.
+/// The action of `cairnctl rig`, on a rig and not on a server; empty, unless its words were there. `as_json`:
+/// states are printed for machines.
 using RigAction = std::function<Status(const RigClientOptions& network, bool as_json)>;
 
 /// The words of `cairnctl rig`; `action` is what they ask for.

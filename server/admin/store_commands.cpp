@@ -52,7 +52,7 @@ Timestamp wall_clock() {
   return {std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
 }
 
-/// To stderr, on a terminal only.
+/// Shows progress on stderr, on a terminal only.
 void show_progress(const std::string& what, uint64_t done, uint64_t of, const char* unit) {
   if (isatty(STDERR_FILENO) != 0)
     std::fprintf(stderr, "\r\033[K%s: %" PRIu64 " of %" PRIu64 " %s%s", one_line(what).c_str(), done, of,
@@ -64,7 +64,7 @@ Status check_rights(const std::string& text) {
   return rights ? Status() : tl::unexpected(rights.error());
 }
 
-/// All that `verb` lists, page by page.
+/// Lists all that `verb` lists, page by page.
 Result<std::vector<std::string>> list_parts(AdminClient* client, const char* verb) {
   std::vector<std::string> parts;
   while (true) {
@@ -86,12 +86,12 @@ std::optional<std::string> other_place(const std::string& part) {
   return std::nullopt;
 }
 
-/// Of a map, wherever it lies.
+/// Id of the map of a part, wherever that lies in the store.
 std::string id_of(const std::string& part) {
   return fs::path(part).stem().string();
 }
 
-/// False: it has been purged meanwhile.
+/// Downloads a part and adds it to the backup. False: it has been purged meanwhile.
 Result<bool> take_part(AdminClient* client, const std::string& part, const fs::path& copy,
                        BackupWriter* writer) {
   const auto got =
@@ -132,7 +132,7 @@ Status check_folder_of(const fs::path& place) {
                                   one_line(folder.string()) + "` makes it");
 }
 
-/// All of it, or no file of that name.
+/// Backs up all of the store, or leaves no file of that name.
 Status back_up(AdminClient* client, const std::string& file, bool as_json) {
   const Interruption interruption;
   client->stop_when(Interruption::requested);

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// What needs no server.
+/// Commands on a store that need no server.
 using LocalAction = std::function<Status(bool as_json)>;
 
 /// The words of `cairnctl backup`, `restore` and `verify`; one of both is what they ask for.

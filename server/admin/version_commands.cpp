@@ -48,7 +48,7 @@ Status list_tags(AdminClient* client, const std::string& map, bool as_json) {
   return {};
 }
 
-/// All of them, page by page: `contributors`, and how many keyframes are of `unknown` ones.
+/// All contributors of a map, page by page: `contributors`, and how many keyframes are of `unknown` ones.
 Result<json> contributors_of(AdminClient* client, const std::string& map) {
   json all = json::array();
   std::string after;

@@ -13,7 +13,7 @@ namespace {
 // What a client has sent and nobody has acknowledged is still there to be sent again.
 static_assert(OfferGate::kMaxAhead < wire::kCommandDepth);
 
-/// To which of a client's writers an event goes.
+/// Writes an event to the right one of a client's writers.
 struct Dispatch {
   ClientWriters& to;
   Status operator()(const wire::ServerStatus& status) const { return to.status.write(status); }

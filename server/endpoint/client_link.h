@@ -35,14 +35,15 @@ struct ClientWriters {
 /// Writes an event to its topic.
 [[nodiscard]] Status write(ClientWriters& writers, const ClientEvent& event);
 
-/// To the partition of a client that is turned away: its tracker tells who holds it why it is not served.
+/// A writer to the partition of a client that is turned away: its tracker tells who holds it why it is not
+/// served.
 struct Farewell {
   wire::Writer<wire::OfferVerdict> to;
   SessionId told;                            ///< the process that was told last
   RateLimit again{std::chrono::seconds(1)};  ///< where several try by turns
 };
 
-/// What leads to one client: made of its readers as they are discovered.
+/// All that leads to one client, made when its readers are discovered.
 struct ClientLink {
   int status_readers = 0;                       ///< discovered; 0: not connected
   std::optional<wire::PeerId> process;          ///< whose readers were discovered last
@@ -54,7 +55,7 @@ struct ClientLink {
   std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
 };
 
-/// Whose keyframes are in a map is sent it before its readers.
+/// Notes by a verdict that a client has keyframes in a map: it is sent the map before its mere readers.
 void note_author(const ClientEvent& verdict, ClientLink* link);
 
 }  // namespace cairn

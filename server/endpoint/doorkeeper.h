@@ -38,11 +38,11 @@ class Doorkeeper {
   Doorkeeper(SiteKeys keys, Logger log, std::shared_ptr<wire::RefusedPeers> refused = nullptr)
       : keys_(std::move(keys)), log_(std::move(log)), refusals_(std::move(refused)) {}
 
-  /// By the name in a partition of theirs.
+  /// The client or operator of that name, which is in the name of its partition.
   [[nodiscard]] Principal client(std::string name) const;
   [[nodiscard]] Principal operator_of(std::string name);
 
-  /// Who wears the camera of that client: as its keys say in a secured site, as it claims in an open one.
+  /// The wearer of that client's camera: as its keys say in a secured site, as it claims in an open one.
   [[nodiscard]] std::string wearer_of(const std::string& client, const std::string& claimed) const {
     return keys_.is_secured() ? keys_.wearer_of(client) : claimed;
   }
@@ -76,7 +76,7 @@ class Doorkeeper {
 
   /// Whether somebody else may come in, or not any more. Does nothing before next_look().
   [[nodiscard]] bool look(MonotonicTime now);
-  /// In an open site: never.
+  /// Time of the next look at the register; in an open site never.
   [[nodiscard]] MonotonicTime next_look() const {
     return keys_.is_secured() ? next_look_ : MonotonicTime::max();
   }

@@ -32,7 +32,7 @@ namespace cairn {
 /// concerns. Whatever is not said to be thread-safe belongs to that thread.
 class Endpoint : private ServiceOutput {
  public:
-  /// With all `restored` maps being served on return.
+  /// Starts the endpoint. On return all `restored` maps are served.
   [[nodiscard]] static Result<std::unique_ptr<Endpoint>> start(const ServiceOptions& options,
                                                                MapService::Executors executors,
                                                                MapPersistence* store, SiteAccess& site,
@@ -99,9 +99,9 @@ class Endpoint : private ServiceOutput {
   /// A client that is turned away is told why: nobody but a process that says who it is.
   void bid_farewell(const std::string& name, const wire::TrackerStateMessage& state);
   void open_wanted_feeds(const std::string& name, ClientLink* link);
-  /// Of a map, for all who are sent it.
+  /// The serialized blocks of a map, for all who are sent it.
   [[nodiscard]] std::shared_ptr<SerializedBlocks> blocks_of(MapId map);
-  /// Null: the sample is not of the client that it claims to be of.
+  /// The publication of a sample; null: the sample is not of the client that it claims to be of.
   template <typename Message>
   [[nodiscard]] const Publications::Publication* identify(Inlet<Message>* inlet,
                                                           const wire::Sample<Message>& sample);

@@ -45,7 +45,7 @@ class FeedTurns {
  private:
   using Key = std::pair<std::string, MapId>;
 
-  /// From the one behind the last that was served on, and around.
+  /// Serves feeds in turns, from the one behind the last that was served on, and around.
   void serve(const std::vector<Waiting>& waiting, bool authors, Key* last, MonotonicTime now) {
     const Key before = *last;
     size_t left = kBytesPerShare;

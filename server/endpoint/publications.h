@@ -12,9 +12,9 @@
 
 namespace cairn {
 
-/// Whose publications the samples of one reader come from. The middleware is asked once for each publication,
-/// since it looks through all of them: a sample then costs the same however many clients there are. Used from
-/// one thread.
+/// Tells of which publications the samples of one reader are. The middleware is asked once for each
+/// publication, since it looks through all of them: a sample then costs the same however many clients there
+/// are. Used from one thread.
 class Publications {
  public:
   struct Publication {
@@ -24,7 +24,8 @@ class Publications {
     std::optional<wire::PeerId> process;
   };
 
-  /// Null: it has gone meanwhile, or is in no partition or in several. Until the next call of forget_gone().
+  /// A publication; null: it has gone meanwhile, or is in no partition or in several. Valid until the next
+  /// call of forget_gone().
   [[nodiscard]] const Publication* find(const wire::ReaderBase& reader, wire::PublicationHandle handle) {
     const auto known = known_.find(handle);
     if (known != known_.end()) return &known->second;
@@ -36,7 +37,7 @@ class Publications {
     return &known_.emplace(handle, std::move(publication)).first->second;
   }
 
-  /// Those of writers that have gone. Asks the middleware about each: for now and then.
+  /// Forgets publications of writers that have gone. Asks the middleware about each: for now and then.
   void forget_gone(const wire::ReaderBase& reader) {
     std::erase_if(known_, [&](const auto& known) { return !reader.partition_of(known.first); });
   }
@@ -45,7 +46,7 @@ class Publications {
   std::map<wire::PublicationHandle, Publication> known_;
 };
 
-/// A reader with that.
+/// A reader with its publications.
 template <typename Message>
 struct Inlet {
   wire::Reader<Message> reader;

@@ -9,7 +9,7 @@ namespace {
 constexpr std::chrono::minutes kInterval{1};
 constexpr size_t kMostNamed = 3;  ///< in a sentence
 
-/// What is known of a process that is not let in, and no more than that.
+/// Describes a process that is not let in by what is known of it, and no more than that.
 std::string why_not(const Strangers::Told& stranger, const std::string& refused) {
   const char* nothing = stranger.has_left
                             ? "gone again before it was let in; whether it has keys is not known"

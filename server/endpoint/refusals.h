@@ -28,7 +28,7 @@ class Refusals {
   void is_let_in(uint64_t participant) { strangers_.is_let_in(participant); }
   void gone(uint64_t participant) { strangers_.gone(participant); }
 
-  /// Those of whom that is to be said (again).
+  /// Peers of whom that is to be said (again).
   [[nodiscard]] std::vector<wire::RefusedPeer> take(MonotonicTime now);
 
  private:

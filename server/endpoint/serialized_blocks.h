@@ -38,7 +38,7 @@ class NewestBlocks {
   std::map<uint32_t, std::pair<uint64_t, wire::Serialized<Message>>> kept_;  ///< version, by index
 };
 
-/// Those of one map, for all who are sent it.
+/// The serialized blocks of one map, for all who are sent it.
 struct SerializedBlocks {
   NewestBlocks<wire::PointPatches> patches;
   NewestBlocks<wire::PointPositions> positions;

@@ -13,19 +13,19 @@ struct ServerOptionRow {
   const char* name;
   const char* type;
   const char* help;
-  /// What a value must be, for the complaint.
+  /// Description of valid values, for the complaint.
   const char* expected;
-  /// False: the text is no such value, and `options` is as it was. Null: not available yet.
+  /// Reads a value. False: the text is no such value, and `options` is as it was. Null: not available yet.
   bool (*read)(const std::string& text, ServerOptions* options);
   /// The value as text that read() takes; empty: none.
   std::string (*write)(const ServerOptions& options);
-  /// Where it is not given, the value depends on another option or on the machine.
+  /// Whether the value depends on another option or on the machine if it is not given.
   bool depends = false;
-  /// By which it went before, and still does on the line and in files. Null: none.
+  /// Older name, which still works on the line and in files. Null: none.
   const char* older_name = nullptr;
 };
 
-/// In the order of --help.
+/// All options, in the order of --help.
 [[nodiscard]] std::span<const ServerOptionRow> server_option_rows();
 
 }  // namespace cairn

@@ -90,7 +90,7 @@ Status translate(const ConfigurationWords& words, ServerOptions* options) {
   return {};
 }
 
-/// What the command line and the file say together.
+/// The options that command line and file give together.
 struct Merged {
   ServerOptions options;
   ConfigurationWords given;
@@ -125,8 +125,8 @@ std::variant<Merged, EarlyExit> merge(const ConfigurationWords& from_line, const
   return Merged{std::move(options), std::move(words)};
 }
 
-/// What was not given and depends on something else is a comment, so that whoever reads the file with another
-/// profile or on another machine has what holds there.
+/// Prints the configuration. A value that was not given and depends on something else is a comment, so that
+/// whoever reads the file with another profile or on another machine has what holds there.
 EarlyExit print(Merged merged) {
   auto& [options, given] = merged;
   std::vector<ConfigurationLine> lines;

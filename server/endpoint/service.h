@@ -22,8 +22,8 @@ struct ServiceOptions : MapServiceOptions {
   std::string profile = "loopback";
   std::filesystem::path store;  ///< folder in which all is kept; empty: in memory only
   int workers = 2;              ///< of the urgent executor
-  /// Of a secured site, where nobody may do anything until its operators have said who may; empty: an open
-  /// one, where everybody may write and make maps until they say otherwise.
+  /// Security folder of a secured site, where nobody may do anything until its operators have said who may;
+  /// empty: an open site, where everybody may write and make maps until they say otherwise.
   std::string security;
   std::shared_ptr<wire::RefusedPeers> refused = {};  ///< of a LogRedirect: for the audit log
   int loss_per_mille = 0;                            ///< outgoing packets dropped on purpose; for tests
@@ -39,10 +39,11 @@ void name_this_start(ServiceOptions* options);
 /// (README.md). Thread-safe.
 class Service {
  public:
-  /// With a store, all its maps are there on return. Errors: kUsage (domain), kConfiguration (profile,
-  /// interface), kRefused (the domain has a server on this host, the store has one), kIo (store).
+  /// Starts the service. With a store, all its maps are there on return. Errors: kUsage (domain),
+  /// kConfiguration (profile, interface), kRefused (the domain has a server on this host, the store has one),
+  /// kIo (store).
   [[nodiscard]] static Result<std::unique_ptr<Service>> start(const ServiceOptions& options, Logger log);
-  /// As close(), if that was not called, and leaves the domain.
+  /// Calls close(), if that was not called, and leaves the domain.
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
@@ -51,7 +52,7 @@ class Service {
   /// only by the destructor, so that nothing which the middleware does can cost anything.
   void close();
 
-  /// Where it is reached: this machine's end.
+  /// This machine's end of the network path on which the service is reached.
   [[nodiscard]] const wire::NetworkPath& network() const;
 
   /// Serves a map that is made elsewhere: `snapshot` is its newest revision. It takes no keyframes.

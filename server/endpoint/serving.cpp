@@ -19,8 +19,8 @@ bool is_signalled(const sigset_t& signals) {
   return sigtimedwait(&signals, nullptr, &interval) > 0;
 }
 
-/// The same server once more at the address of now: clients know it by its store. Its port may be held for a
-/// moment, or the address go again.
+/// Starts the same server once more at the present address: clients know it by its store. Its port may be
+/// held for a moment, or the address go again.
 Status begin_anew(const sigset_t& signals, const ServiceOptions& options, std::unique_ptr<Service>* service,
                   const Logger& log) {
   (*service)->close();

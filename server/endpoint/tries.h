@@ -14,17 +14,17 @@
 
 namespace cairn {
 
-/// Of those who are turned away and go on trying: which of their tries is to be told. The first of each
-/// process is, the first after a pause, and then one a minute, with how many there were meanwhile. Pure: the
-/// time is handed in. One thread.
+/// Says which tries are to be told of those who are turned away and go on trying. The first of each process
+/// is, the first after a pause, and then one a minute, with how many there were meanwhile. Pure: the time is
+/// handed in. One thread.
 class Tries {
  public:
   static constexpr std::chrono::seconds kPause{10};
   static constexpr std::chrono::minutes kInterval{1};
   static constexpr double kMostAtOnce = 10;  ///< of each name: who tries may be as many processes as it likes
 
-  /// `who` has tried. `process`: nothing, it is not known. Nothing: not to be told; else how many tries have
-  /// not been told since the one that was told last.
+  /// Notes that `who` has tried. `process` nothing: it is not known. Returns nothing if it is not to be told;
+  /// else how many tries have not been told since the one that was told last.
   [[nodiscard]] std::optional<size_t> note(const std::string& who, const std::optional<wire::PeerId>& process,
                                            MonotonicTime now);
 

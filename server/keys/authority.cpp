@@ -103,7 +103,7 @@ Result<KeyPair> make_identity(const KeyPair& authority, const std::string& role,
 
 namespace {
 
-/// What `write` puts out.
+/// The text that `write` puts out.
 template <typename Write>
 Result<std::string> written(const char* what, const Write& write) {
   const BioPtr out(BIO_new(BIO_s_mem()));

@@ -22,26 +22,26 @@ struct KeyPair {
   CertificatePtr certificate;
 };
 
-/// What an authority signs: identities, and nothing but those, or documents, and nothing but those. One for
-/// both would let every client sign permissions of its own (CVE-2023-24011).
+/// What an authority signs: identities and nothing else, or documents and nothing else. One for both would
+/// let every client sign permissions of its own (CVE-2023-24011).
 enum class Signs { kIdentities, kDocuments };
 
-/// Signed by itself.
+/// Makes an authority, whose certificate is signed by itself.
 [[nodiscard]] Result<KeyPair> make_authority(const std::string& name, Signs signs, const Validity& validity);
 
-/// For a participant: its extended key usage is that of client and server alone, so that it signs no
-/// document.
+/// Makes the keys of a participant: their extended key usage is that of client and server alone, so that they
+/// sign no document.
 [[nodiscard]] Result<KeyPair> make_identity(const KeyPair& authority, const std::string& role,
                                             const std::string& name, const Validity& validity);
 
-/// As S/MIME with the text in front, the form of the DDS Security specification.
+/// Signs a text, as S/MIME with the text in front, the form of the DDS Security specification.
 [[nodiscard]] Result<std::string> sign_document(const KeyPair& authority, const std::string& text);
 
 struct RevokedSerial {
   std::string serial;  ///< hex digits
   Timestamp since;
 };
-/// A certificate revocation list.
+/// Makes a certificate revocation list.
 [[nodiscard]] Result<std::string> make_revocations(const KeyPair& authority,
                                                    const std::vector<RevokedSerial>& revoked,
                                                    const Validity& validity);

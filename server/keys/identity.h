@@ -45,21 +45,22 @@ struct Identity {
   bool operator==(const Identity&) const = default;
 };
 
-/// Up to when something that was issued to it is good: so long nobody else is given its name.
+/// Time up to which something that was issued to the identity is valid: until then nobody else is given its
+/// name.
 [[nodiscard]] inline Timestamp last_expiry(const Identity& identity) {
   Timestamp last;
   for (const Issue& issue : identity.issues) last = std::max(last, issue.expires);
   return last;
 }
 
-/// By role and name.
+/// The register of a site: its identities, by role and name.
 using Register = std::map<std::pair<IdentityRole, std::string>, Identity>;
 
-/// As JSON text, one line for each identity.
+/// Writes a register as JSON text, one line for each identity.
 [[nodiscard]] std::string to_text(const Register& identities);
-/// Its inverse. Error kDamaged, with what is wrong; nothing is taken in part.
+/// Reads a register from such text. Error kDamaged, with what is wrong; nothing is taken in part.
 [[nodiscard]] Result<Register> parse_register(std::string_view text);
-/// Of a file; errors name it.
+/// Reads the register in a file. Errors name the file.
 [[nodiscard]] Result<Register> read_register(const std::filesystem::path& path);
 
 /// The name of the register in a folder of keys, and in the security folder of a server.

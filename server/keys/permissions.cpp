@@ -76,7 +76,8 @@ std::string rules_of_server() {
          rule("subscribe", topics<wire::RigState>(), {std::string(wire::kEveryRig)});
 }
 
-/// What of an operator's requests is done is said by its role, at the server; rigs have no server between.
+/// Permissions of an operator. Its role decides at the server which of its requests are done; rigs have no
+/// server between.
 std::string rules_of_operator(const Identity& who) {
   const Names own{wire::operator_partition(who.name)};
   const Names rigs{std::string(wire::kEveryRig)};

@@ -67,8 +67,8 @@ void choose_judged(const MapState& map, const SelfCalibrationOptions& options, M
   for (const auto& [rank, i] : ranked) problem->bundle.free_cameras[i].judge = true;
 }
 
-/// By camera of the map: those that an adjustment moves. Few at a time, those with most new keyframes: each
-/// is a border of the reduced system, and a map may have 64 whose clients have long gone.
+/// Whether each camera of the map is moved by an adjustment, by index. Few move at a time, those with most
+/// new keyframes: each is a border of the reduced system, and a map may have 64 whose clients have long gone.
 std::vector<bool> choose_free(const MapState& map, const SelfCalibrationOptions& options) {
   std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, camera
   for (size_t i = 0; i < map.cameras().size(); ++i) {
@@ -113,8 +113,9 @@ void fix_gauge(MapProblem* problem) {
   if (!any && !poses.empty()) poses.front().fixed = true;
 }
 
-/// What disagrees with a camera that is not known yet may be right and the camera wrong: the robust cost
-/// leaves it out, and takes it in again when the camera has moved (`forbearance`).
+/// Drops measurements with residuals beyond the cut-off. What disagrees with a camera that is not known yet
+/// may be right and the camera wrong: it stays, up to `forbearance`, as the robust cost leaves it out and
+/// takes it in again when the camera has moved.
 void drop_outliers(const MapProblem& solved, double squared_cutoff, double forbearance, MapState* map) {
   const std::vector<double> residuals = squared_residuals(solved.bundle);
   for (size_t i = 0; i < residuals.size(); ++i) {
@@ -174,7 +175,7 @@ void write_local(const MapProblem& solved, MapState* map) {
     map->point(solved.points[i]).position = solved.bundle.points[i];
 }
 
-/// Where a keyframe is and how far what it looks at.
+/// Pose of a keyframe, and the mean depth [map unit] of what it looks at.
 struct Standing {
   SE3 camera_from_map;
   double depth = 0;

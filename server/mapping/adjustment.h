@@ -19,12 +19,12 @@ struct MapProblem {
   std::vector<CutCamera> cameras;     ///< of bundle.free_cameras
 };
 
-/// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
-/// their points; every other observer is fixed (PTAM r114).
+/// The problem of a local adjustment: the newest keyframe and its `neighbours` closest by shared points
+/// (never the first keyframe) move with all their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
-/// All but the first keyframe move, and the cameras that are being calibrated, once there are three
-/// keyframes: two views hardly tell a focal length. Judged are at most two of these, those with most new
-/// keyframes; these numbers are of `options`.
+/// The problem of a global adjustment: all but the first keyframe move, and so do cameras that are being
+/// calibrated, once they have three keyframes: two views hardly tell a focal length. At most two of these
+/// cameras are judged, those with most new keyframes. These numbers are of `options`.
 [[nodiscard]] MapProblem global_problem(const MapState& map, const SelfCalibrationOptions& options);
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay
@@ -35,16 +35,16 @@ struct MapProblem {
 void write_back(const MapProblem& solved, double squared_cutoff, const SelfCalibrationOptions& options,
                 MapState* map);
 
-/// solve_bundle(), or the same by Ceres.
+/// Runs solve_bundle(), or solves the same problem by Ceres.
 BundleReport minimize(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
 /// minimize() a local problem and write it back, with the map as a whole where it was as by write_back(); the
 /// map is untouched unless the report says usable.
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
                             const std::function<bool()>& should_stop);
-/// The same for the whole map, to convergence: for the start, when the map is small.
+/// Adjusts the whole map and writes it back, to convergence: for the start, when the map is small.
 BundleReport adjust_whole(MapState* map, const MapMakerOptions& options);
 
-/// How a global adjustment is solved, wherever it runs.
+/// Options with which a global adjustment is solved, wherever it runs.
 [[nodiscard]] BundleOptions global_options(const AdjustmentOptions& options,
                                            const std::function<bool()>& should_stop);
 

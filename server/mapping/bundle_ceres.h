@@ -8,8 +8,8 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 
-/// Ceres as the judge of solve_bundle(): the same problem, the same robust cost. In tests, in benchmarks, and
-/// in a server that is run with --adjuster ceres.
+/// Ceres as an independent check of solve_bundle(): the same problem, the same robust cost. It runs in tests,
+/// in benchmarks, and in a server that is started with --adjuster ceres.
 namespace cairn {
 
 /// A pose as Ceres sees it: tx ty tz qx qy qz qw of camera_from_map.
@@ -30,8 +30,8 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-/// (project(camera_from_map * point) - pixel) / sigma. A point that does not project has a constant, huge
-/// residual: an outlier to the robust loss, no failure of the evaluation.
+/// Reprojection error (project(camera_from_map * point) - pixel) / sigma. A point that does not project has a
+/// constant, huge residual: an outlier to the robust loss, no failure of the evaluation.
 class ReprojectionCost final : public ceres::SizedCostFunction<2, kPoseParameters, 3> {
  public:
   /// `camera` outlives the cost.
@@ -47,11 +47,11 @@ class ReprojectionCost final : public ceres::SizedCostFunction<2, kPoseParameter
 
 struct CeresVariant {
   ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
-  bool explicit_schur = false;  ///< of ITERATIVE_SCHUR: form the complement
-  bool ordered_by_hand = true;  ///< points first, given; otherwise Ceres finds an order
+  bool explicit_schur = false;  ///< whether ITERATIVE_SCHUR forms the complement
+  bool ordered_by_hand = true;  ///< whether points are eliminated first; otherwise Ceres finds an order
 };
 
-/// As solve_bundle(); should_stop is polled once per iteration.
+/// Solves a problem as solve_bundle() does, but by Ceres. should_stop is polled once per iteration.
 BundleReport solve_bundle_with_ceres(BundleProblem* problem, const BundleOptions& options,
                                      const CeresVariant& variant);
 

@@ -86,7 +86,8 @@ class CandidatePoints {
                        [&](const Measurement& m) { return (m.pixel - pixel).squaredNorm() < apart * apart; });
   }
 
-  /// Where others show it, and the depth that this makes of the one told. Nothing if they should and do not.
+  /// Looks for a candidate in the partners that should see it, and corrects `depth` by each that does.
+  /// Nothing if some should show it and none does.
   std::optional<Seen> look(const PointSource& source, const std::vector<KeyframeId>& partners,
                            std::vector<EpipolarSearch>* searches, Depth* depth) const {
     Seen seen;
@@ -116,7 +117,7 @@ class CandidatePoints {
     return (center - point).normalized().dot(-point.normalized()) > options_.seen_cosine;
   }
 
-  /// One scalar Kalman step of the inverse depth. False when what was found is not on the line.
+  /// Corrects the inverse depth by one scalar Kalman step. False when what was found is not on the line.
   [[nodiscard]] bool measure(const PointSource& source, const PatchFound& found, const EpipolarSearch& search,
                              Depth* depth) const {
     const double step = kStep * depth->inverse;

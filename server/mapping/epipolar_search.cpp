@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kTemplateMargin = 5;  ///< [level px] of a template's window from the image's border
 
-/// Where a whole pixel is; a line may end far outside of the image.
+/// A pixel coordinate as a whole number, clamped: a line may end far outside of the image.
 int whole(float pixel) {
   constexpr float kFar = 1e6F;
   return static_cast<int>(std::clamp(pixel, -kFar, kFar));
@@ -128,7 +128,7 @@ void EpipolarSearch::search_segment(const PointSource& source, double inverse_de
   }
 }
 
-/// Null until so many windows of the level were looked at that its sums are worth their time.
+/// Box sums of a level; null until so many of its windows were compared that its sums are worth their time.
 const BoxSums* EpipolarSearch::sums_at(int level) {
   auto& [windows, sums] = levels_[static_cast<size_t>(level)];
   if (sums) return &*sums;

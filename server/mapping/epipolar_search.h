@@ -12,29 +12,32 @@
 /// A corner of one keyframe looked for in another, along the line that its ray draws there.
 namespace cairn {
 
-/// A candidate for a point: where it is, and where another keyframe shows it.
+/// A candidate for a point: its position in the source camera's frame, and where another keyframe shows it.
 struct NewPoint {
   Eigen::Vector3d in_source = Eigen::Vector3d::Zero();
   PatchFound found;
 };
 
-/// What depths are looked for: inverse z in the source's camera [1 / map unit], 0 < least < most.
+/// Range of inverse depths in which a match is looked for: inverse z in the source's camera [1 / map unit], 0
+/// < least < most.
 struct InverseDepths {
   double least = 0;
   double most = 0;
 };
 
-/// The search for corners of one keyframe in one partner. Both outlive it and keep their places.
+/// Searches corners of one keyframe in one partner. Both outlive it and keep their places.
 class EpipolarSearch {
  public:
   /// `min_parallax` [rad] of a point.
   EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax,
                  const EpipolarOptions& options);
 
-  /// At the depths that the keyframe sees: unique along the line, triangulated, at so much parallax [rad] or
-  /// more, and reprojected to within a sigma in both.
+  /// Finds a point at the depths that the keyframe sees: its match is unique along the line, it is
+  /// triangulated with at least `min_parallax`, and it reprojects to within a sigma (EpipolarOptions) in both
+  /// keyframes.
   [[nodiscard]] std::optional<NewPoint> find(const PointSource& source);
-  /// What alone of all along the line of these depths resembles the source, to sub-pixel.
+  /// Finds the only place along the line of these depths that resembles the source, to sub-pixel; nothing if
+  /// there is none or more than one.
   [[nodiscard]] std::optional<PatchFound> find_match(const PointSource& source, const InverseDepths& depths);
 
   [[nodiscard]] std::optional<PatchView> view_at(const PointSource& source, double inverse_depth) const;
@@ -51,7 +54,7 @@ class EpipolarSearch {
   };
 
   struct SearchedLevel {
-    int windows = 0;  ///< looked at, of `runs_`
+    int windows = 0;  ///< number of windows compared so far
     std::optional<BoxSums> sums;
   };
 
@@ -68,7 +71,7 @@ class EpipolarSearch {
   const Camera& source_camera_;
   SE3 partner_from_source_;
   double min_parallax_;                                 ///< [rad]
-  InverseDepths seen_;                                  ///< by the keyframe
+  InverseDepths seen_;                                  ///< depths that the keyframe sees, with margins
   std::array<SearchedLevel, kPyramidLevels> levels_{};  ///< of the partner
   // Of the point that is looked for:
   PatchTemplate patch_;
@@ -78,10 +81,11 @@ class EpipolarSearch {
   int limit_ = kSearchZmssd;  ///< ZMSSD that a match or a rival of the best must be below
 };
 
-/// Where the centre of a source is in its keyframe, level-0 px.
+/// Centre of a source in its keyframe [level-0 px].
 [[nodiscard]] Eigen::Vector2f pixel_of(const PointSource& source);
 
-/// A new point with its measurements in the source keyframe and in those that see it.
+/// Adds a new point, with its measurements in the source keyframe and in those that see it. `in_source`:
+/// position in the source camera's frame.
 PointId add_point(MapState* map, const PointSource& source, const Eigen::Vector3d& in_source,
                   const std::vector<std::pair<KeyframeId, PatchFound>>& seen_by);
 

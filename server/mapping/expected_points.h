@@ -6,8 +6,8 @@
 #include "server/mapping/map_maker_options.h"
 #include "server/mapping/map_state.h"
 
-/// What of a published map an image shows: for who has no map maker at hand, or must not wait for it. Pure,
-/// on any thread.
+/// The points of a published map that an image shows, for code that has no map maker at hand, or must not
+/// wait for it. Pure, on any thread.
 namespace cairn {
 
 /// A point of the map that should be seen in an image.
@@ -20,9 +20,9 @@ struct ExpectedPoint {
 };
 
 /// The live points of `map` that project into the image at a scale and from a side at which their patches
-/// look alike, and whether they are there, as the map maker looks for known points: `options` are its own.
-/// `most`: of more, a choice that is spread over them all, the same on every call. Those in front of what
-/// stands still are left out.
+/// look alike, and whether they are there. They are looked for as the map maker does for known points;
+/// `options` are its own. `most`: if there are more, a selection that is spread over them all, the same on
+/// every call. Points in front of what stands still are left out.
 [[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,
                                                          const SE3& camera_from_map,
                                                          const KeyframeImages& images,

@@ -28,7 +28,8 @@ KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) {
   return {verdict, std::move(reason), {}};
 }
 
-/// The image is there, decoded where it has to be, and of the camera's size.
+/// Makes sure that the image is there, decoded where it has to be, and of the camera's size. Error kDamaged,
+/// or that of `decode`.
 Status take_image(const DecodeImage& decode, KeyframeInput* input) {
   if (!input->image && decode) {
     auto image = decode();
@@ -39,7 +40,8 @@ Status take_image(const DecodeImage& decode, KeyframeInput* input) {
   return check_image_size(*input->image, *input->camera);
 }
 
-/// The pose on the measurements of points that still live, each point counted once; its inliers.
+/// Optimizes the pose on the measurements of points that still live, each point counted once; returns it with
+/// its inliers, or nothing if it is not determined.
 std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input) {
   std::vector<PointObservation> observations;
   std::vector<PointMeasurement> known;
@@ -90,7 +92,8 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map, doubl
   return nearest;
 }
 
-/// A map begun with little parallax is re-adjusted as more comes, whatever else keyframes are spaced by.
+/// Whether the frame widens a young map: one begun with little parallax is re-adjusted as more comes,
+/// whatever else keyframes are spaced by.
 bool widens_map(const MapState& map, const SE3& camera_from_map, double mean_depth) {
   std::vector<Eigen::Vector3d> centers;
   for (const MapKeyframe& k : map.keyframes()) {
@@ -111,8 +114,8 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
   return area.unknown_fraction();
 }
 
-/// A frame that was tracked while the map could not grow was not measured in what the map has become since.
-/// How many points the map expects in it.
+/// Adds to `input` measurements of points that the map expects in it: a frame that was tracked while the map
+/// could not grow was not measured in what the map has become since. Returns how many points the map expects.
 size_t add_what_is_expected(const MapState& map, const std::shared_ptr<const KeyframeImages>& images,
                             const MapMakerOptions& options, KeyframeInput* input) {
   MapKeyframe frame;
@@ -140,8 +143,8 @@ std::string describe_distance(double distance, double needed) {
   return text;
 }
 
-/// Outside of its extent, or so near to others that it would show nothing new. `images` are made for the
-/// second where they are not there.
+/// Refuses a frame outside of its extent, or so near to others that it would show nothing new. `images` are
+/// made for the second test if they are not there.
 std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const KeyframeInput& input,
                                                      const Judged& judged, const KeyframeSpacing& spacing,
                                                      const MapMakerOptions& all,
@@ -166,8 +169,8 @@ std::optional<KeyframeDecision> refuse_for_its_place(const MapState& map, const 
   return std::nullopt;
 }
 
-/// Those of the measurements that the keyframe's own image bears out: it shows what the map has there. The
-/// tracker measures to a pixel where that is enough for it; here they are refined.
+/// The measurements that the keyframe's own image bears out: it shows what the map has there. The tracker
+/// measures to a pixel where that is enough for it; here they are refined.
 std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyframe& keyframe,
                                             const std::vector<PointMeasurement>& measurements,
                                             float max_refinement) {
@@ -182,9 +185,10 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
   return shown;
 }
 
-/// The robust pose takes the scatter of the measurements themselves for its measure: half of any heap of them
-/// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
-/// being calibrated. What the image shows is one.
+/// Reason for refusing a frame whose image does not show the points. The robust pose takes the scatter of the
+/// measurements themselves for its measure: half of any heap of them "agree" with some pose. Pixels from
+/// where the map projects them are no measure either, while a camera is being calibrated. What the image
+/// shows is one.
 std::string not_of_this_map(size_t shown, size_t measured, size_t needed) {
   return "its image shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
          " points of the map that were measured in it, " + std::to_string(needed) +
@@ -214,7 +218,8 @@ void add_measurements(MapState* map, KeyframeId id, const std::vector<Measuremen
   }
 }
 
-/// New points are triangulated from this pose before any adjustment: it deserves the refined measurements.
+/// Optimizes a keyframe's pose on its refined measurements: new points are triangulated from it before any
+/// adjustment.
 void polish_pose(MapState* map, KeyframeId id) {
   MapKeyframe& keyframe = map->keyframe(id);
   std::vector<PointObservation> observations;

@@ -13,9 +13,9 @@ struct KeyframeSpacing {
 };
 [[nodiscard]] KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth);
 
-/// Re-optimizes the pose on the measurements, judges, and on acceptance adds the keyframe with its
-/// measurements, refined to sub-pixel, and with every other point of the map that is found in it. What is
-/// refused for its reference or its measurements needs no image: `decode` is not asked for it then.
+/// Judges a frame and takes it in. Re-optimizes its pose on the measurements; if accepted, adds the keyframe
+/// with its measurements, refined to sub-pixel, and with every other point of the map that is found in it. A
+/// frame that is refused for its reference or its measurements needs no image: `decode` is not called for it.
 [[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                                   const KeyframeSpacing& spacing, const DecodeImage& decode,
                                                   const MapMakerOptions& options);

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-/// Whether its sigma was small to begin with.
+/// Whether the camera's prior sigma was small.
 bool was_believed(const MapCamera& camera, const SelfCalibrationOptions& options) {
   return camera.prior_sigma[0] <= options.known_focal_sigma;
 }

@@ -18,25 +18,27 @@ struct CameraPrior {
 
 struct MapCamera {
   CameraVersion version;  ///< of `published`
-  CameraPtr camera;       ///< as of the last adjustment: what the map's keyframes have
+  /// The camera after the last adjustment: what the map's keyframes have.
+  CameraPtr camera;
   Intrinsics sigma = Intrinsics::Zero();
   Intrinsics prior_mean = Intrinsics::Zero();
   Intrinsics prior_sigma = Intrinsics::Zero();
   bool frozen = false;  ///< known well enough: no longer adjusted
 
-  Intrinsics judged = Intrinsics::Zero();  ///< the estimate that those after it agreed with
-  size_t judged_keyframes = 0;             ///< ever made when it was
-  int agreements = 0;                      ///< successive estimates, of more and more keyframes, that agree
-  /// Under which points were searched that are given up, and rays of patches aimed.
+  Intrinsics judged = Intrinsics::Zero();  ///< the first of the successive estimates that agree
+  size_t judged_keyframes = 0;             ///< keyframes ever made when the camera was last judged
+  /// Number of successive estimates, of more and more keyframes, that agree with `judged`.
+  int agreements = 0;
+  /// Values under which points were searched that are given up, and rays of patches aimed.
   Intrinsics searched = Intrinsics::Zero();
 
   CameraPtr published;
   Intrinsics published_sigma = Intrinsics::Zero();
   bool published_frozen = false;
-  bool published_unknown = false;  ///< that it cannot be known
+  bool published_unknown = false;  ///< that the focal length cannot be known
 };
 
-/// Keyframes of a camera.
+/// Number of keyframes of a camera.
 struct KeyframeCount {
   size_t live = 0;
   size_t made = 0;  ///< ever, removed ones included
@@ -44,30 +46,33 @@ struct KeyframeCount {
 
 [[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraPrior& prior);
 
-/// Whether enough is new to look for other focal lengths and to say how well it is known: both take several
-/// adjustments. At first that is any keyframe; once many have not told it, a quarter more of them.
+/// Whether there are enough new keyframes to look for other focal lengths and to say how well it is known:
+/// both take several adjustments. At first any keyframe is enough; once many have not told it, it takes a
+/// quarter more of them.
 [[nodiscard]] bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes,
                                     const SelfCalibrationOptions& options);
 /// Takes in what an adjustment of these keyframes found. Freezes a camera that is known well enough: sigma
 /// small, by enough keyframes, and successive estimates agree.
 void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& keyframes,
             const SelfCalibrationOptions& options);
-/// Whether there were keyframes enough, and still the focal length is not known.
+/// Whether there were enough keyframes (SelfCalibrationOptions::many_keyframes), and still the focal length
+/// is not known.
 [[nodiscard]] bool cannot_be_known(const MapCamera& camera, const SelfCalibrationOptions& options);
 
-/// How far the camera has moved from the values under which points were searched. Unless by nothing worth
-/// aiming patches anew, its present values count as searched with from now on.
+/// How far the camera has moved from the values under which points were searched.
 enum class CameraMove : uint8_t {
   kNone,
-  kSettled,  ///< by little, and it is known now: the last time
-  kFelt      ///< by what a search feels
+  kSettled,  ///< by little, but it has become known: the last time
+  kFelt      ///< by so much that searches are affected (SelfCalibrationOptions::felt_move)
 };
+/// Returns how far the camera has moved. Unless that is kNone, its present values count as searched with from
+/// now on.
 CameraMove take_move(MapCamera* camera, const SelfCalibrationOptions& options);
 
-/// What it is now counts as published.
+/// Counts the camera's present state as published.
 void count_as_published(MapCamera* camera, const SelfCalibrationOptions& options);
-/// Makes a new version if the values have changed by what can be seen, if they are known notably better, or
-/// were frozen. Whether it has.
+/// Publishes a new version if the values have changed by what can be seen, if they are known notably better,
+/// or if they were frozen. Returns whether it has.
 bool publish(MapCamera* camera, const SelfCalibrationOptions& options, const PublicationOptions& publication);
 
 }  // namespace cairn

@@ -23,7 +23,8 @@ namespace {
 
 constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // PTAM r114
 
-/// The finest level has most candidates by far; it may not use up what the levels after it need.
+/// Number of points that may be made at a level. The finest one has most candidates by far; it may not use up
+/// what the levels after it need.
 int level_budget(int level, int remaining) {
   return level == 0 ? remaining / 2 : remaining;
 }
@@ -53,12 +54,12 @@ struct MapMaker::State {
   StepReport make_points(const std::function<bool()>& should_yield);
   KeyframeDecision integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior,
                                         const DecodeImage& decode);
-  /// How many points came of them.
+  /// Makes points of a frame's candidates. Returns how many.
   int take_candidates(KeyframeId keyframe, const KeyframeInput& input);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
-  /// Every point again in every keyframe that does not show it yet.
+  /// Queues every live point to be searched again in all keyframes that do not show it yet.
   void search_everything();
 };
 

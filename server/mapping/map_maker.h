@@ -40,11 +40,14 @@ struct SeedInput {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
-  SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
-  std::optional<CameraPrior> prior = {};  ///< of a camera that is to be calibrated; else its values are exact
-  StillMaskPtr still = {};  ///< what stands still in both images: no point is made there; null: nothing
+  /// The tracker's motion, |translation| = 1: it has judged by more views than these two.
+  SE3 second_from_first;
+  /// Prior of a camera that is to be calibrated; nothing: the values of `camera` are exact.
+  std::optional<CameraPrior> prior = {};
+  /// Mask of what stands still in both images, where no point is made; null: nothing does.
+  StillMaskPtr still = {};
   std::optional<UpDirection> second_up = {};  ///< in the axes of the second view; nothing: not known
-  /// Where its cameras and points may be in the map that it makes; nothing: everywhere.
+  /// Extent in which its cameras and points must lie in the map that it makes; nothing: everywhere.
   std::optional<Extent> extent = {};
 };
 
@@ -64,15 +67,15 @@ struct KeyframeInput {
   SE3 camera_from_reference;
   std::vector<PointMeasurement> measurements;
   std::vector<PointCandidate> candidates = {};
-  /// As SeedInput's; what the map knows of the camera already counts more.
+  /// As SeedInput::prior; what the map already knows of the camera counts more.
   std::optional<CameraPrior> prior = {};
   /// It was tracked against a frame that was no keyframe yet, so points of the map that were made since then
   /// are looked for in it.
   bool is_chained = false;
   StillMaskPtr still = {};             ///< as SeedInput's
   std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
-  /// Where its camera, and the points that are made for it, may be; nothing: everywhere. Points that are
-  /// there already are measured wherever they are.
+  /// Extent in which its camera, and the points that are made for it, must lie; nothing: everywhere. Points
+  /// that are there already are measured wherever they are.
   std::optional<Extent> extent = {};
   /// Its client may add and not take away: no keyframe or point gives way because it has come, then or later.
   bool adds_only = false;
@@ -81,7 +84,7 @@ struct KeyframeInput {
 /// Gives the image of a frame that has come without one. An error: it cannot be used.
 using DecodeImage = std::function<Result<GrayImagePtr>()>;
 
-/// kDamaged where an image is not of the size of the camera that it is said to be of.
+/// Error kDamaged if an image is not of the size of the camera that it is said to be of.
 [[nodiscard]] Status check_image_size(const GrayImage& image, const Camera& camera);
 
 enum class KeyframeVerdict : uint8_t {
@@ -91,7 +94,7 @@ enum class KeyframeVerdict : uint8_t {
   kStale,
   kDamaged,
   kFull,
-  kOutside,  ///< of its extent
+  kOutside,  ///< the camera is not within the frame's extent
 };
 
 struct KeyframeDecision {
@@ -108,7 +111,7 @@ struct StepReport {
   bool changed = false;  ///< the map differs: publish
   int observations = 0;  ///< of an adjustment
   int iterations = 0;
-  KeyframeId keyframe = {};  ///< whose new points are all made, if any
+  KeyframeId keyframe = {};  ///< the keyframe whose new points are all made, if any
 };
 
 /// What a map says of a camera that it calibrates.
@@ -160,7 +163,8 @@ class MapMaker {
   [[nodiscard]] static Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> start(
       const SeedInput& input, const MapMakerOptions& options);
   /// A map as it was when its record was taken: it goes on as the original would have, in a new epoch.
-  /// `record` is whole; what had to be left out of it is named. Error kDamaged when no map is left.
+  /// Precondition: `record` is whole. `repairs` name what had to be left out of it. Error kDamaged when no
+  /// map is left.
   struct Restored {
     std::unique_ptr<MapMaker> maker;
     std::vector<std::string> repairs;
@@ -180,12 +184,12 @@ class MapMaker {
   /// it; of any other once enough of its measurements agree with the map.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input, const DecodeImage& decode = {});
 
-  /// Whether a step() has anything to do, or a global adjustment would.
+  /// Whether a step() or a global adjustment has anything to do.
   [[nodiscard]] bool has_work() const;
 
-  /// Does the most urgent unit of work: new points for the newest keyframe, local adjustment, re-finding of
-  /// new points in old keyframes, culling. `should_yield` is polled at least every 10 ms; when true the step
-  /// returns early (finished = false). Global adjustment is not done here. work == kNone when there is
+  /// Does the most urgent unit of work: new points for keyframes, oldest first, local adjustment, re-finding
+  /// of new points in old keyframes, culling. `should_yield` is polled at least every 10 ms; when true the
+  /// step returns early (finished = false). Global adjustment is not done here. work == kNone when there is
   /// nothing to do.
   StepReport step(const std::function<bool()>& should_yield);
 
@@ -202,11 +206,11 @@ class MapMaker {
   /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
-  /// Live keyframes with their images and measurements, ascending by id: for the relocalizer. Those whose
+  /// Live keyframes with their images and measurements, ascending by id, for the relocalizer. Those whose
   /// images have been evicted come without an image; their measurements are what they were then.
   [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
-  /// The next snapshot has this name.
+  /// Gives the map a name, which the next snapshot has.
   void rename(const std::string& name);
 
   /// Some hundred microseconds for ten thousand points.
@@ -215,14 +219,14 @@ class MapMaker {
   /// milliseconds: for who asks, not for every revision.
   [[nodiscard]] double reprojection_rms() const;
 
-  /// What has to be kept of the map's changes since this was called last; the first time, all of the map.
+  /// Returns what has to be kept of the changes since the last call; the first time, all of the map.
   [[nodiscard]] MapRecord take_changes();
-  /// The changes taken before could not be kept: the next call gives all of the map again.
+  /// Makes the next take_changes() return all of the map, since changes taken before could not be kept.
   void keep_everything_anew();
 
-  /// Lets go the images that take_changes() has given, all of which has been kept: most of a map's memory.
-  /// Not while there is work. The map can be looked at, renamed and kept, and takes keyframes, which bring
-  /// their images; step() and adopt() need all images back.
+  /// Frees the images that take_changes() has returned, which are most of a map's memory. Precondition: all
+  /// of that has been kept, and there is no work. The map can still be looked at, renamed and kept, and takes
+  /// keyframes, which bring their images; step() and adopt() need all images back.
   void evict_images();
   /// Whether any keyframe's images have been evicted.
   [[nodiscard]] bool lacks_any_images() const;
@@ -238,7 +242,8 @@ class MapMaker {
   std::unique_ptr<State> state_;
 };
 
-/// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
+/// Solves an adjustment in place. `should_stop` is polled about every millisecond; the last whole iteration
+/// is kept.
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop);
 
 }  // namespace cairn

@@ -10,7 +10,8 @@
 #include "server/mapping/map_maker.h"
 #include "server/mapping/test_scene.h"
 
-/// What a tracker would send of the test scene, and a map that is made of it.
+/// Seeds and offers as a tracker would send them of the test scene, and a fixture with a map that is made of
+/// them.
 namespace cairn::testing {
 
 inline const auto kNeverYield = [] { return false; };
@@ -19,12 +20,13 @@ inline const auto kNeverYield = [] { return false; };
 /// pixel's rounding, one in ten wrong.
 [[nodiscard]] std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first,
                                              const SE3& first_pose, const SE3& second_pose);
-/// The motion that a tracker finds from its trails: of those that explain them, the one nearest to the truth.
+/// The motion that a tracker finds from its trails: of the motions that explain them, the one nearest to the
+/// truth.
 [[nodiscard]] SE3 motion_between(const SeedInput& input, const SE3& true_motion);
 /// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
 /// should be.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step);
-/// The same of an image that has been rendered already.
+/// make_offer() with an image that has been rendered already.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step,
                                        GrayImagePtr image);
 

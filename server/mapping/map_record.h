@@ -12,13 +12,13 @@
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 
-/// What has to be kept of a map so that it goes on as if nothing had happened: plain values, nothing that can
-/// be derived. A record may hold a whole map or only what has changed; applying the changes in order to a
-/// whole gives a whole again.
+/// A map's record: what has to be kept of it so that it goes on as if nothing had happened. It has plain
+/// values, and nothing that can be derived. A record may hold a whole map or only what has changed; applying
+/// the changes in order to a whole gives a whole again.
 namespace cairn {
 
-/// A camera that is self-calibrated in the map. What was told of it is not kept: it will be told what it is
-/// now.
+/// A camera that is self-calibrated in the map. What was published of it is not kept: after a restart its
+/// present values are.
 struct CalibratedCameraRecord {
   int index = 0;
   MapCamera camera;
@@ -31,11 +31,11 @@ struct KeyframeRecord {
   CameraPtr camera;
   Timestamp time;
   SE3 camera_from_map;
-  double mean_depth = 0;  ///< [map unit] this and the two below: MapKeyframe
+  double mean_depth = 0;  ///< [map unit] as the two below: see MapKeyframe
   double near_depth = 0;
   double far_depth = 0;
   bool live = true;
-  /// Index of a CalibratedCameraRecord, whose values count; -1: `camera` is exact.
+  /// Index of the CalibratedCameraRecord whose values count; -1: `camera` is exact.
   int estimated_camera = -1;
   StillMaskPtr still = {};  ///< MapKeyframe::still
   std::optional<UpDirection> up = {};
@@ -54,8 +54,8 @@ struct ImageRecord {
   GrayImagePtr image;
 };
 
-/// What points 64 block + 1 .. 64 block + size() were made of. It changes only when a camera that is found
-/// out has moved so far that patches are aimed anew.
+/// Sources of the points with ids 64 block + 1 .. 64 block + size(). They change only when a self-calibrated
+/// camera has moved so far that patches are aimed anew.
 struct SourcesRecord {
   uint32_t block = 0;
   std::vector<PointSource> points;
@@ -73,13 +73,14 @@ struct PositionsRecord {
   std::vector<Point> points;
 };
 
-/// What the two-view start has fixed.
+/// What the two-view start has fixed for the map's whole life.
 struct FoundationRecord {
   double min_distance_over_depth = 0;  ///< KeyframeSpacing
   bool plane_aligned = false;
 };
 
-/// A keyframe that still lacks points, from a candidate of the level on; the levels in the map maker's order.
+/// A keyframe for which points are still to be made: from `next_candidate` of `next_level` on, an index into
+/// the map maker's order of levels.
 struct PendingKeyframe {
   KeyframeId id;
   size_t next_level = 0;
@@ -117,26 +118,27 @@ struct MapRecord {
   }
 };
 
-/// A map put together from its record, and what had to be left out: one line for a person each. A keyframe
-/// without image or measurements is removed, as are points without source or position, and what refers to
-/// them.
+/// A map put together from its record, and what had to be left out of it, one line for a person each. A
+/// keyframe without image or measurements is removed, as are points without source or position, and what
+/// refers to them.
 struct AssembledMap {
   MapState state;  ///< whose cameras are not published yet (MapState::take_cameras_as_published)
   std::vector<std::string> repairs;
 };
 
-/// Error kDamaged when what is left is no map: the first keyframe or the foundation is missing, or fewer than
-/// two keyframes remain. Takes the images' time, unless these are left out: some milliseconds a keyframe.
+/// Puts a map together from its record. Error kDamaged when what is left is no map: the first keyframe or the
+/// foundation is missing, or fewer than two keyframes remain. Takes the images' time, unless these are left
+/// out: some milliseconds a keyframe.
 [[nodiscard]] Result<AssembledMap> assemble_map(const MapRecord& record, RestoredImages images);
 
-/// Tells what has changed in a map since it was asked last: by digests of what it gave out then, so nothing
-/// that changes the map needs to know. Not thread-safe.
+/// Tells what has changed in a map since it was asked last, by digests of what it gave out then, so that
+/// nothing that changes the map needs to know. Not thread-safe.
 class MapRecorder {
  public:
-  /// The first time, everything.
+  /// Returns what has changed since the last call; the first time, everything.
   [[nodiscard]] MapRecord take(const MapState& map, const FoundationRecord& foundation,
                                const WorkRecord& work);
-  /// What was given out has been lost: everything again.
+  /// Forgets what was given out, which has been lost: the next take() returns everything.
   void reset() { *this = MapRecorder(); }
   [[nodiscard]] bool has_given_image(KeyframeId id) const {
     return id.value <= has_image_.size() && has_image_[id.value - 1];
@@ -149,7 +151,7 @@ class MapRecorder {
   std::vector<bool> has_image_;
   std::vector<uint64_t> positions_;  ///< digests by block
   size_t sources_ = 0;               ///< points whose sources were given out
-  uint64_t aims_ = 0;                ///< of the map, when they were
+  uint64_t aims_ = 0;                ///< MapState::aims() when they were given out
   uint64_t work_ = 0;
   bool has_foundation_ = false;
 };

@@ -21,12 +21,12 @@
 /// with the invariants of the joins kept by MapState; no policy. One writer, no locks.
 namespace cairn {
 
-/// Blocks that hold so many items.
+/// Number of blocks that hold so many items.
 [[nodiscard]] constexpr size_t block_count(size_t items) {
   return (items + kBlockSlots - 1) / kBlockSlots;
 }
 
-/// What is computed once from a keyframe's image.
+/// Pyramid and corners, which are computed once from a keyframe's image.
 struct KeyframeImages {
   Pyramid pyramid;
   std::array<CornerList, kPyramidLevels> corners;
@@ -35,15 +35,15 @@ struct KeyframeImages {
   [[nodiscard]] size_t bytes() const;
 };
 
-/// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
+/// Roughly what KeyframeImages::bytes() will be: the pyramid, and a quarter of that for corners.
 [[nodiscard]] size_t expected_image_bytes(const Camera& camera);
 
 /// The pyramid of an image and its corners (`kFastThresholds`), without those of what stands still.
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image,
                                                                    const StillMaskPtr& still);
 
-/// Where new points may be made at a level (PTAM r114): corners as `options` ask for them, with room for
-/// their patch. Needed once in a keyframe's life, so not kept.
+/// Candidates at which new points may be made at a level (PTAM r114): corners as `options` ask for them, with
+/// room for their patch. They are needed once in a keyframe's life, so they are not kept.
 [[nodiscard]] std::vector<Candidate> point_candidates(const KeyframeImages& images, int level,
                                                       const TwoViewPointOptions& options);
 
@@ -86,22 +86,23 @@ struct MapPoint {
   std::shared_ptr<const PointSource> source;           ///< null once it is removed: most points ever made are
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   std::vector<KeyframeId> observers;                   ///< ascending
-  /// Keyframes in which it should have been seen and was searched, beside those that made it; of those that
-  /// add only, such as show it.
+  /// Number of keyframes in which it should have been seen and was searched, beside those that made it.
+  /// Keyframes that add only count if they show it.
   int attempts = 0;
   int found = 0;  ///< of these, with success
   bool live = true;
 };
 
-/// As blocks of points have it: one that was removed keeps its place there, with some source.
+/// The source of a point as blocks of points have it: a removed point keeps its place there, with some
+/// source.
 [[nodiscard]] PointSource source_in_block(const MapPoint& point);
 
-/// The ids that a compaction has given, by those of before.
+/// The new ids that a compaction has given, by the old ones.
 struct Renumbering {
   std::vector<KeyframeId> keyframes;  ///< by old id - 1; none: it had been removed
   std::vector<PointId> points;
 
-  /// None for what had been removed, or never was.
+  /// The new id; none if the old one had been removed or never was.
   [[nodiscard]] KeyframeId of(KeyframeId old) const {
     return old && old.value <= keyframes.size() ? keyframes[old.value - 1] : KeyframeId{};
   }
@@ -122,8 +123,9 @@ struct CutCamera {
 class MapState {
  public:
   MapState() = default;
-  /// From its parts: ids dense, measurements sound and of live points, cameras that are self-calibrated as
-  /// the keyframes name them. Observers and what else can be derived are set here.
+  /// Makes a map from its parts. Precondition: ids are dense, measurements sound and of live points, and the
+  /// self-calibrated cameras are those that the keyframes name. Observers and what else can be derived are
+  /// set here.
   MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points, std::vector<MapCamera> cameras);
 
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
@@ -136,33 +138,33 @@ class MapState {
     return id && id.value <= keyframes_.size() && keyframe(id).live;
   }
   [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
-  /// Those that are self-calibrated.
+  /// The cameras that are self-calibrated.
   [[nodiscard]] const std::vector<MapCamera>& cameras() const { return cameras_; }
   [[nodiscard]] size_t live_keyframes() const;
   [[nodiscard]] size_t live_points() const { return live_points_.size(); }
   [[nodiscard]] const std::vector<PointId>& live_point_ids() const { return live_points_; }  ///< ascending
 
-  /// Index of a camera that is self-calibrated; -1 while no keyframe has come of it.
+  /// Index of a self-calibrated camera; -1 while no keyframe has come of it.
   [[nodiscard]] int camera_index(const CameraPrior& prior) const;
-  /// Takes one in that has no index yet, as it comes. Its index. A revision names kMaxCalibratedCameras:
-  /// beyond these one that is known gives up its place or, with none, the one of fewest keyframes. Its
-  /// keyframes keep their camera, as it is.
+  /// Takes in a camera that has no index yet, and returns its index. A map holds kMaxCalibratedCameras:
+  /// beyond these the new one takes the place of one that is known or, with none, of the one with fewest
+  /// keyframes, whose keyframes keep their camera as it is.
   int add_camera(const CameraPtr& camera, const CameraPrior& prior);
-  /// Whether its camera is exact, or known by now.
+  /// Whether the keyframe's camera is exact, or known by now.
   [[nodiscard]] bool has_known_camera(const MapKeyframe& keyframe) const;
-  /// Keyframes of a camera that is self-calibrated.
+  /// Number of keyframes of a self-calibrated camera.
   [[nodiscard]] KeyframeCount keyframes_of(int camera) const;
-  /// What an adjustment of these keyframes has found of a camera; its keyframes get it. Nothing if its place
-  /// is another's by now.
+  /// Takes in what an adjustment has found of a camera, and gives it to the camera's keyframes. Does nothing
+  /// if another camera has its place by now.
   void update_camera(const CutCamera& cut, const FreeCamera& adjusted, const SelfCalibrationOptions& options);
-  /// Aims the patches of cameras that have moved by what a search feels, or are known from now on. True when
-  /// points searched in vain may be found now: nothing is given up any more.
+  /// Aims the patches of cameras anew that have moved by what a search feels, or are known from now on.
+  /// Returns true when points searched in vain may be found now: nothing is given up any more then.
   bool follow_cameras(const SelfCalibrationOptions& options);
   /// How often patches were aimed anew.
   [[nodiscard]] uint64_t aims() const { return aims_; }
-  /// Cameras as they are now become what is published, in new versions where that can be seen.
+  /// Publishes the cameras as they are now, in new versions where the change can be seen.
   void publish_cameras(const MapMakerOptions& options);
-  /// Of a map put together from its record: its cameras are those that were published.
+  /// For a map put together from its record: counts its cameras as they are now as published.
   void take_cameras_as_published(const SelfCalibrationOptions& options);
 
   /// Takes in a keyframe without measurements; its id is set here.
@@ -171,12 +173,12 @@ class MapState {
   PointId add_point(const PointSource& source, const Eigen::Vector3d& position);
   /// Joins a live point and a live keyframe; an existing measurement of the pair is replaced.
   void add_measurement(KeyframeId keyframe, const Measurement& measurement);
-  /// Severs the pair for good: it is not searched again. A point left with fewer than two observers, or
-  /// without its source keyframe's measurement, is removed.
+  /// Removes a measurement for good: the pair is not searched again. A point left with fewer than two
+  /// observers, or without its source keyframe's measurement, is removed.
   void drop_measurement(KeyframeId keyframe, PointId point);
   void give_up(KeyframeId keyframe, PointId point);
-  /// What the points of a published block were made of is kept there alone. The block is of this map as it
-  /// is.
+  /// Lets the points of a published block share its sources instead of copies of their own. Precondition: the
+  /// block was made of this map as it is.
   void share_sources(const std::shared_ptr<const PatchBlock>& block);
   void remove_point(PointId id);  ///< its position becomes the origin
   /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers
@@ -186,8 +188,8 @@ class MapState {
   [[nodiscard]] const Measurement* find_measurement(KeyframeId keyframe, PointId point) const;
   [[nodiscard]] bool has_given_up(KeyframeId keyframe, PointId point) const;
 
-  /// Gives up the places of what was removed: ids are dense anew, in the order of before. What else knows ids
-  /// of this map must follow, and readers must be in another epoch.
+  /// Frees the places of removed keyframes and points: ids are dense anew, in the order of before. Whatever
+  /// else knows ids of this map must follow, and readers must be in another epoch.
   [[nodiscard]] Renumbering compact();
 
   /// Refreshes the depth figures of a keyframe from its measurements.
@@ -199,9 +201,9 @@ class MapState {
   void transform(const Similarity3& new_from_old);
 
  private:
-  /// Where in cameras_ another may go.
+  /// Index in cameras_ at which another may go.
   [[nodiscard]] size_t free_place() const;
-  /// The patches of the cameras chosen, by index.
+  /// Aims anew the patches whose source keyframe has one of the chosen cameras (by index).
   void aim_patches(const std::vector<bool>& chosen);
 
   std::vector<MapCamera> cameras_;

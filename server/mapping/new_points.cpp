@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-/// A raster of what is taken, for thinning in constant time.
+/// A raster of the pixels that are taken, for thinning in constant time.
 class Occupancy {
  public:
   Occupancy(int width, int height)
@@ -39,7 +39,8 @@ class Occupancy {
   std::vector<uint8_t> taken_;
 };
 
-/// Asks keyframes that should see a new point too. False: at least two should, and none does.
+/// Looks for a new point in further keyframes that should see it. confirm() is false if at least two should
+/// and none does.
 class ConfirmingKeyframes {
  public:
   ConfirmingKeyframes(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids,

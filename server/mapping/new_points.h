@@ -14,24 +14,24 @@
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
 namespace cairn {
 
-/// The other keyframes that would see points [map frame] of a keyframe, best first: many of them, at a useful
-/// parallax of at least so much [rad] in the median.
+/// The `count` other keyframes that see most of these points [map frame] at a useful parallax, best first.
+/// The median parallax is at least `min_parallax` [rad].
 [[nodiscard]] std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& keyframe,
                                                     std::span<const Eigen::Vector3d> points,
                                                     double min_parallax, size_t count,
                                                     const TwoViewPointOptions& options);
 
-/// Of one call.
+/// Limits of one call of make_new_points().
 struct NewPointsLimits {
   int max_points = 1000;              ///< for this call
-  double min_parallax = 0;            ///< [rad]
-  size_t first_candidate = 0;         ///< where an earlier call stopped
-  std::optional<Extent> extent = {};  ///< in which they must be; nothing: everywhere
+  double min_parallax = 0;            ///< [rad] of each point
+  size_t first_candidate = 0;         ///< NewPoints::next_candidate of an earlier call
+  std::optional<Extent> extent = {};  ///< in which the points must be; nothing: everywhere
 };
 
 struct NewPoints {
   std::vector<PointId> made;  ///< in order of creation
-  size_t next_candidate = 0;  ///< where to go on
+  size_t next_candidate = 0;  ///< where the next call goes on
   bool finished = true;       ///< no more candidates at this level, or max_points reached
 };
 

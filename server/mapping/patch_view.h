@@ -5,7 +5,7 @@
 
 #include "server/mapping/map_state.h"
 
-/// How a point's patch looks from a keyframe, and finding it there. All functions are pure and may run on any
+/// Projects a point's patch into a keyframe, and finds it there. All functions are pure and may run on any
 /// thread.
 namespace cairn {
 
@@ -25,7 +25,7 @@ struct PatchView {
 /// Nothing when the patch leaves the image.
 [[nodiscard]] std::optional<PointSource> make_source(const MapKeyframe& keyframe, int level, Corner corner);
 
-/// The rays and normal of a source for its keyframe's present camera.
+/// Sets the rays and normal of a source for its keyframe's present camera.
 void aim_source(const Camera& camera, PointSource* source);
 
 /// Projects a patch. `point` in the source camera's frame, target_from_source between cameras. Nothing when

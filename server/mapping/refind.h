@@ -8,11 +8,12 @@
 namespace cairn {
 
 /// Looks for one point in one keyframe, if it should be visible there: within a few px of its projection,
-/// sub-pixel (PTAM r114). Adds the measurement or gives the pair up; counts both on the point. False when the
-/// pair is known, given up or out of view.
+/// sub-pixel (PTAM r114). Adds the measurement, or gives the pair up, and counts the search on the point; a
+/// failure in a keyframe that adds only is not counted. False when the point or keyframe is removed, or the
+/// pair is measured, given up or out of view.
 bool refind(MapState* map, KeyframeId keyframe, PointId point, const RefindOptions& options);
 
-/// refind() of every live point of the map in a keyframe. Returns how many were found.
+/// Calls refind() for every live point of the map. Returns how many were found.
 int refind_all(MapState* map, KeyframeId keyframe, const RefindOptions& options);
 
 /// Whether a point should be visible from a camera: seen from a direction and distance not far from those of

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
-/// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
+/// A trail as the start uses it: its first end is on a whole pixel, where the patch is cut.
 struct SeedMatch {
   TrailId trail;
   Corner corner;
@@ -56,7 +56,8 @@ Warp warp_of(const Camera& camera, const std::vector<Trail>& trails) {
   return fit_warp(ends);
 }
 
-/// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
+/// Trails that lie in both images; their second ends are refined to sub-pixel where the patch is still like
+/// itself.
 std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first,
                                      const MapKeyframe& second, float trail_shift) {
   PatchView view;
@@ -80,7 +81,7 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
   return matches;
 }
 
-/// A point for each inlier whose patch is found where the geometry puts it.
+/// Adds a point for each inlier whose patch is found where the geometry puts it.
 void add_trail_points(const std::vector<SeedMatch>& matches, const TwoViewGeometry& geometry, double baseline,
                       KeyframeId first, KeyframeId second, float trail_shift, SeededMap* seeded) {
   MapState& map = seeded->map;
@@ -163,7 +164,7 @@ void add_keyframes(const SeedInput& input, SeededMap* seeded) {
   map.keyframe(result.second_keyframe).up = input.second_up;
 }
 
-/// The points of the matches if the tracker's motion holds for them.
+/// Triangulates the matches by the tracker's motion, or says why it does not hold for them.
 Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<SeedMatch>& trails,
                                      const StartOptions& options) {
   std::vector<PixelMatch> matches;
@@ -182,8 +183,8 @@ Status adjust(MapState* map, const MapMakerOptions& options) {
   return fail(ErrorCode::kDegenerate, "the two views do not adjust");
 }
 
-/// Measures the trails anew; the second keyframe's pose and a point for each of those that agree, adjusted.
-/// Their median parallax [rad].
+/// Measures the trails anew; sets the second keyframe's pose, makes a point for each trail that agrees, and
+/// adjusts them. Returns their median parallax [rad].
 Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& options, SeededMap* seeded) {
   MapState& map = seeded->map;
   const KeyframeId first = seeded->result.first_keyframe;
@@ -202,8 +203,9 @@ Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& opt
   return geometry->median_parallax;
 }
 
-/// More points by epipolar search; all of them have to fit the two views. Where the pair has little parallax
-/// they have no more: without points of the large levels, a tracker finds half of the map.
+/// Makes more points by epipolar search, then checks that all of them fit the two views. Where the pair has
+/// little parallax they may have less, too: without points of the large levels, a tracker finds half of the
+/// map.
 Status fill_in_points(const MapMakerOptions& options, double median_parallax, SeededMap* seeded) {
   MapState& map = seeded->map;
   NewPointsLimits new_points;

@@ -14,8 +14,9 @@ struct SeededMap {
   SeedResult result;
 };
 
-/// Two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant plane; or, for
-/// a person, why not (kDegenerate for geometry, kDamaged for input that is no pair of views).
+/// Makes a map of two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant
+/// plane; or says why not, for a person (kDegenerate for geometry, kDamaged for input that is no pair of
+/// views, kRefused for a map outside of its extent).
 [[nodiscard]] Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options);
 
 }  // namespace cairn

@@ -127,7 +127,8 @@ std::shared_ptr<const PositionBlock> cut_positions(const MapState& map, const Ce
   return block;
 }
 
-/// What a patch shows never changes: a patch block is only ever completed, or described for another camera.
+/// Whether a published patch block still describes its points. What a patch shows never changes: a block is
+/// only ever completed, or aimed for another camera.
 bool is_current(const MapState& map, const PatchBlock& block) {
   const auto [begin, end] = block_range(block.index, map.points().size());
   if (end - begin != block.points.size()) return false;
@@ -156,8 +157,8 @@ bool is_current(const MapState& map, const Centers& centers, const PositionBlock
   return true;
 }
 
-/// Whether a keyframe's published pose differs visibly from the one published before, indexed by id - 1; of
-/// removed ones nobody asks.
+/// Whether each keyframe's pose differs visibly from the one published before, indexed by id - 1; for removed
+/// ones the value has no meaning.
 std::vector<bool> moved_sources(const std::vector<std::shared_ptr<const KeyframeBlock>>& now,
                                 const std::vector<std::shared_ptr<const KeyframeBlock>>& before,
                                 const MapState& map, double visible_move) {

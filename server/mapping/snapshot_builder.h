@@ -15,13 +15,13 @@ class SnapshotBuilder {
   SnapshotBuilder(MapId map, std::string name, Epoch epoch, const PublicationOptions& options)
       : map_(map), name_(std::move(name)), epoch_(epoch), options_(options) {}
 
-  /// The next snapshot has this name.
+  /// Gives the map a name, which the next snapshot has.
   void rename(std::string name) { name_ = std::move(name); }
 
-  /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
-  /// cut by more than what spans `visible_move` at the source keyframe's distance (the mean depth, for a
-  /// keyframe), or is now seen from notably elsewhere. Versions of new blocks are the revision's number.
-  /// Without a new block the previous snapshot is given again.
+  /// Returns the map as of now. A block is new if a point or keyframe in it is new or gone, moved since the
+  /// block was cut by more than what spans `visible_move` at the source keyframe's distance (the mean depth,
+  /// for a keyframe), or is now seen from notably elsewhere. Versions of new blocks are the revision's
+  /// number. If nothing has changed the previous snapshot is returned again.
   [[nodiscard]] MapSnapshotPtr build(const MapState& map);
 
  private:

@@ -21,7 +21,7 @@ bool on_board(const Eigen::Vector3d& p) {
   return p.x() > kBoardLeft && p.x() < kBoardRight && p.y() > -0.25 && p.y() < 0.15;
 }
 
-/// Of a place along an axis [m].
+/// Texture coordinate [texel] of a place along an axis [m].
 double texel(double metres) {
   return metres * kTexelsPerMetre + 400;
 }

@@ -20,22 +20,23 @@ namespace cairn::testing {
 class Scene {
  public:
   explicit Scene(uint64_t seed);
-  /// Another board before the same back: one with an image on the left `share` of it, plain elsewhere.
+  /// A scene with another board before the same back: it has an image on its left `share` and is plain
+  /// elsewhere.
   Scene(uint64_t seed, uint64_t board_seed, double share);
 
-  /// The same as seen by another camera.
+  /// The same scene as seen by another camera.
   Scene(uint64_t seed, CameraPtr camera);
 
   static constexpr double kBackDepth = 1.2;   ///< [m] of the plane behind, z in the world
   static constexpr double kFrontDepth = 0.9;  ///< [m] of the board
 
   [[nodiscard]] CameraPtr camera() const { return camera_; }
-  /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that
-  /// depends on `frame`.
+  /// Renders what a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels
+  /// that depends on `frame`.
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_world, uint64_t frame) const;
-  /// The same at a step, whose number is the frame's. It is rendered once. Any thread.
+  /// Renders the view at a step, with its number as `frame`; once, then it is kept. Any thread.
   [[nodiscard]] GrayImagePtr view(int step) const;
-  /// Where the ray through a pixel meets the scene, world frame.
+  /// Point at which the ray through a pixel meets the scene, world frame.
   [[nodiscard]] Eigen::Vector3d hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const;
   /// Whether nothing stands between a camera and a point of the scene.
   [[nodiscard]] bool sees(const SE3& camera_from_world, const Eigen::Vector3d& point) const;
@@ -50,8 +51,7 @@ class Scene {
   [[nodiscard]] Hit trace(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
   [[nodiscard]] float texture(const Hit& hit) const;
 
-  /// What is the same for all who look: the ray of each sample of an image, and images that have been
-  /// rendered.
+  /// What copies of a scene share: the ray of each sample of an image, and images that have been rendered.
   struct Views {
     std::once_flag rays_made;
     std::vector<Eigen::Vector3d> rays;

@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-/// Pearson's, of pairs.
+/// Pearson's correlation of weighted pairs.
 class Correlation {
  public:
   void add(double x, double y, double weight) {
@@ -25,7 +25,7 @@ class Correlation {
     yy_ += weight * y * y;
     xy_ += weight * x * y;
   }
-  /// -1 where one of them is always the same.
+  /// The correlation; -1 where one of the two values is always the same.
   [[nodiscard]] double value() const {
     const double variances = (n_ * xx_ - x_ * x_) * (n_ * yy_ - y_ * y_);
     return variances > 0 ? (n_ * xy_ - x_ * y_) / std::sqrt(variances) : -1;
@@ -89,7 +89,7 @@ double correlate_local(std::span<const Pair> pairs) {
   return correlation.value();
 }
 
-/// What a cell of the image shows.
+/// The correlation of local brightness in a cell of the image, and how much it is made of.
 struct Cell {
   Correlation local;
   int sightings = 0;
@@ -97,7 +97,8 @@ struct Cell {
   size_t latest_point = 0;
 };
 
-/// Fisher's z: the correlation as much higher as chance may have left it too low.
+/// Whether the cell's correlation is below the limit even if chance has left it too low by so many standard
+/// errors (Fisher's z).
 bool is_inconsistent(const Cell& cell, const AppearanceOptions& options) {
   constexpr double kMost = 0.999;
   if (cell.points < options.fewest_points) return false;

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// What a small image shows at a pixel.
+/// Brightness of a small image (pyramid level 3) at a pixel.
 struct Brightness {
   /// How much brighter it is than the 40 px around it, in units of the contrast there: indifferent to what
   /// changes slowly across the image and to gain, and nearly to any curve of grey levels, which is straight
@@ -19,8 +19,9 @@ struct Brightness {
   uint8_t grey = 0;  ///< level: how bright it is
 };
 
-/// `level0`: pixel of the full image; `small`: its pyramid level 3. Nothing outside of it, and where all of
-/// the 40 px around it is clipped to white or black: what is there does not show.
+/// Brightness at a pixel. `level0`: pixel of the full image; `small`: its pyramid level 3. Nothing outside of
+/// the image, and where all of the 40 px around the pixel are clipped to white or black: what is there does
+/// not show.
 [[nodiscard]] std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0);
 
 /// Share of a small image (pyramid level 3) that is clipped to white.

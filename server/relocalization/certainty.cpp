@@ -18,7 +18,7 @@
 namespace cairn {
 namespace {
 
-/// Tukey weights of all that a pose explains, summed.
+/// Support of a pose: the sum of the Tukey weights of all that it explains.
 double support_of(const PoseEstimate& pose) {
   return std::accumulate(pose.weights.begin(), pose.weights.end(), 0.0);
 }

@@ -9,18 +9,21 @@
 /// Whether a pose is the best there is around it, and how far it may be off.
 namespace cairn {
 
-/// What makes a pose wrong is ConfirmOptions::most_sigma. Where no reason is given, a value is chosen, not
-/// measured.
+/// Options of settle(). A pose is wrong by ConfirmOptions::most_sigma. Where no reason is given, a value is
+/// chosen, not measured.
 struct SettleOptions {
-  double aside = 0.06;          ///< [depth, or rad] that a start lies aside: twice what makes a pose wrong
-  int most_moves = 3;           ///< to a better pose
-  double nearly_as_good = 0.9;  ///< of the support, by the sample: it is rough
-  uint64_t most_refined = 3;    ///< of the poses found from the starts, in a move
-  uint64_t sampled = 150;       ///< points by which the poses are compared before one is refined
-  /// [px of the corner's level] Of the search from a start: the first and the last of RefineOptions.
+  /// [depth, or rad] Distance of the starts from the pose: twice what makes a pose wrong.
+  double aside = 0.06;
+  int most_moves = 3;  ///< most moves to a better pose
+  /// Share of the pose's support that a pose from aside needs, by the sample, to be refined: the sample is
+  /// rough.
+  double nearly_as_good = 0.9;
+  uint64_t most_refined = 3;  ///< most of the poses found from the starts that are refined in a move
+  uint64_t sampled = 150;     ///< points by which the poses are compared before one is refined
+  /// [px of the corner's level] Radii of the search from a start: the first and the last of RefineOptions.
   std::array<double, 2> radii = {6, 2.5};
-  /// [depth, or rad] Poses that lie nearer to each other are one (separation()): a fifth of what makes a pose
-  /// wrong.
+  /// [depth, or rad] Poses that lie nearer to each other (separation()) count as one: a fifth of what makes a
+  /// pose wrong.
   double same = 0.006;
 };
 
@@ -30,17 +33,17 @@ struct SettleOptions {
 /// however many points were found in it, and none is better than the corners' own sigma.
 [[nodiscard]] double position_sigma(const PlaceView& view, const Camera& camera, const Refined& refined);
 
-/// Looks from around a refined pose for one that explains more, and goes there, again and again: what agrees
-/// may hold a pose that is not the best, as where a thing repeats, or where a few points that the map has
-/// wrong hold what the many leave open. It starts where the image would look much the same, since the eye
-/// is held on it: turned about what is seen, nearer and farther. `depth` [map unit] of what is seen;
-/// `keyframe`: index into those of the map. Deterministic.
+/// Searches from around a refined pose for one that explains more, goes there, and repeats this. Agreeing
+/// corners may hold a pose that is not the best, as where a thing repeats, or where a few points that the map
+/// has wrong hold what the many leave open. The search starts where the image would look much the same:
+/// turned about what is seen, nearer and farther. `depth` [map unit] of what is seen; `keyframe`: index into
+/// those of the map. Deterministic.
 [[nodiscard]] Refined settle(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                              const IndexedMap& map, size_t keyframe, Refined refined, double depth,
                              const SettleOptions& options, const RefineOptions& refining,
                              const MatchOptions& matching);
 
-/// A pose of which nothing is in doubt as yet.
+/// A pose estimate with zero covariance: nothing is in doubt as yet.
 [[nodiscard]] PoseEstimate as_certain(const SE3& camera_from_map);
 
 }  // namespace cairn

@@ -15,10 +15,10 @@ constexpr size_t kCompactSize = 80;
 /// Root mean square [grey levels] of an image of zero mean.
 [[nodiscard]] float contrast_of(const TinyImage& tiny);
 
-/// What is left of a tiny image for a first comparison: the lowest frequencies of its cosine transform
-/// (orthonormal DCT-II), of the image scaled to unit length: indifferent to gain. Their mean is zero, so the
-/// constant is not among them. Lowest first, in units of the frequency across an image of 4:3, as the blur
-/// takes away what is high of these. Where the image is too small to have a frequency: 0.
+/// A tiny image reduced for a first comparison: the lowest frequencies of its cosine transform (orthonormal
+/// DCT-II), of the image scaled to unit length, so that gain does not matter. The image's mean is zero, so
+/// the constant is not among them. Lowest first, in units of the frequency across an image of 4:3, as the
+/// blur takes away what is high of these. Where the image is too small to have a frequency the value is 0.
 struct CompactImage {
   std::array<float, kCompactSize> values{};  ///< all 0: an image without contrast
   uint16_t width = 0;                        ///< of the tiny image
@@ -29,18 +29,18 @@ struct CompactImage {
 
 [[nodiscard]] CompactImage make_compact(const TinyImage& tiny);
 
-/// Only images of one size can be compared.
+/// Whether two images are of one size: only then can they be compared.
 [[nodiscard]] inline bool is_comparable(const CompactImage& a, const CompactImage& b) {
   return a.width == b.width && a.height == b.height;
 }
 
-/// Squared distance. Never more than 2 (1 - correlation) of the two tiny images (Parseval), and little less:
-/// the blur has taken the other frequencies. Infinite for images of other sizes. Where it exceeds `limit` the
-/// result is only some value above that.
+/// Squared distance of two compact images. It is never more than 2 (1 - correlation) of the two tiny images
+/// (Parseval), and little less: the blur has taken the other frequencies. Infinite for images of different
+/// sizes. Where it exceeds `limit` the result is only some value above that.
 [[nodiscard]] float compact_distance(const CompactImage& a, const CompactImage& b,
                                      float limit = std::numeric_limits<float>::infinity());
 
-/// The same of values alone.
+/// The same for kCompactSize values each, without a check of sizes.
 [[nodiscard]] float compact_distance(const float* a, const float* b, float limit);
 
 }  // namespace cairn

@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-/// Corners of the matches that agree with the pose, ascending.
+/// Corners of the matches that agree with the pose (weight above 0), ascending.
 std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span<const double> weights) {
   std::vector<size_t> found;
   for (size_t i = 0; i < matches.size(); ++i) {
@@ -21,7 +21,7 @@ std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span
   return found;
 }
 
-/// Cells of the image in which at least so many of the corners lie.
+/// Number of cells of the image in which at least `fewest` of the corners lie.
 int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
   PerCell<int> inside{};
   for (const size_t corner : corners) ++inside[image_cell_of(view.corners[corner].pixel, camera)];
@@ -32,7 +32,8 @@ ExplainedCorner explain(const PlaceView& view, const Camera& camera, const Place
   return {match.corner, camera.unproject(view.corners[match.corner].pixel.cast<double>()), match.position};
 }
 
-/// Those that agree with the pose, and of the others those whose corners these are not.
+/// Merges the matches that agree with the pose into `explained`; of entries with the same corner the match
+/// stays.
 void explain_found(const PlaceView& view, const Camera& camera, std::span<const PlaceMatch> matches,
                    std::span<const double> weights, std::vector<ExplainedCorner>* explained) {
   std::vector<ExplainedCorner> both;
@@ -57,12 +58,13 @@ bool do_enough_agree(const ConfirmOptions& options, const Confirmation& said) {
   return said.agreeing >= options.enough_agreeing;
 }
 
-/// A part of the place has moved.
+/// Whether the place is accepted `by_extent`: a part of it has moved, and the rest agrees.
 bool does_the_rest_stand(const ConfirmOptions& options, const Confirmation& said) {
   return do_enough_agree(options, said) && speak(options.by_extent, said);
 }
 
-/// The fewer agree, the more the rest has to say, and there is no step between few and enough.
+/// ConfirmOptions::by_image with the evidence that it needs for so many agreeing corners: the fewer agree,
+/// the more evidence, without a step between few and enough.
 ConfirmOptions::Acceptance by_image(const ConfirmOptions& options, const Confirmation& said) {
   ConfirmOptions::Acceptance needed = options.by_image;
   const double lacking = options.many_agreeing - said.agreeing;
@@ -82,7 +84,8 @@ std::string why_not_upright(int agreeing) {
                      agreeing);
 }
 
-/// By the refined pose, which may have turned away from the one that was upright.
+/// Decides whether the place is confirmed. Gravity is checked again, since the refined pose may have turned
+/// away from the one that was upright.
 void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& options,
            Confirmation* result) {
   const bool looks_right = does_look_right(options, *result);
@@ -122,8 +125,7 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
   return optimize_pose(camera, pose->camera_from_map, to_observations(view, matches), all);
 }
 
-/// Of the matches those whose corners are not among those that agree, but among those found in the end.
-/// Both ascending.
+/// Number of matches whose corners are not in `agree` but in `found`. Both are ascending.
 int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const size_t> agree,
                           std::span<const size_t> found) {
   return static_cast<int>(std::ranges::count_if(matches, [&](const PlaceMatch& m) {
@@ -148,7 +150,7 @@ Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedM
                           result->agreeing, rough.local, evidence(*result)));
 }
 
-/// Of what a pose sees; `points` are not empty.
+/// Median depth [map unit] of points that a pose sees. Precondition: `points` are not empty.
 double median_depth(const ProjectedPoints& points) {
   std::vector<double> depths;
   for (const ProjectedPoint& point : points.points) depths.push_back(point.depth);
@@ -157,7 +159,7 @@ double median_depth(const ProjectedPoints& points) {
   return *middle;
 }
 
-/// What is seen by the refined pose.
+/// Takes over into `result` the refined pose and what is seen with it.
 void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined,
                   const AppearanceOptions& options, Confirmation* result) {
   result->camera_from_map = refined.pose.camera_from_map;

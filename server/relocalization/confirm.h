@@ -16,116 +16,127 @@
 
 namespace cairn {
 
-/// What sets the limits of the decision is in DECISION.md. Trials are run-look-alikes and run-reloc
-/// (tests/bench/HISTORY.md).
+/// Options of the verification of a hypothesis. DECISION.md says what sets the limits of the decision. Trials
+/// are run-look-alikes and run-reloc (tests/bench/HISTORY.md).
 struct ConfirmOptions {
   MatchOptions match;
   AppearanceOptions appearance;
   RefineOptions refine;
   SettleOptions settle;
   GravityOptions gravity;
-  int agreeing_in_cell = 2;       ///< corners in a cell that counts as agreeing: one may agree by chance
-  double ransac_threshold = 2.5;  ///< [px of the corner's level]
-  /// Of a keyframe's points, one of so many tells whether a pose is worth refining. By trials: of the poses
-  /// that are refused 62 % end there, of the right ones 0.12 %.
+  /// Least number of agreeing corners in a cell that counts as agreeing: one may agree by chance.
+  int agreeing_in_cell = 2;
+  /// [px of the corner's level] Reprojection error up to which a match agrees with a pose.
+  double ransac_threshold = 2.5;
+  /// One of so many of a keyframe's points is compared with the image to tell whether a pose is worth
+  /// refining. By trials: of the poses that are refused 62 % end there, of the right ones 0.12 %.
   uint64_t rough_step = 3;
-  int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
-  int ransac_iterations = 150;  ///< triples of matches drawn; by trials: with 300 the time grows
-  int min_agreeing = 8;         ///< of all matches by descriptors alone, with the pose: it is refined
-  int enough_agreeing = 12;     ///< of these: with fewer the pose is believed `by_few` alone
-  int many_agreeing = 16;       ///< up to which `by_image` asks for more evidence, as `by_few` does
-  int min_inliers = 30;         ///< of the refined pose
-  int min_cells = 5;            ///< of kImageCells of the image, in which inliers lie
-  /// What a hypothesis needs to be accepted. Sources that know nothing of each other have to speak for it:
-  /// how similar the image is (appearance.h), what all of them say together (evidence()), inliers: their
-  /// share of what could match around the pose (GuidedMatches::met), and of the points expected, and how much
-  /// of the image corners that agree lie in; and in how many cells of it what is there speaks against the
-  /// place. Any of these ways is enough.
+  /// Least number of matches that moved as their neighbours did; with fewer no pose is looked for.
+  int min_supported = 6;
+  /// Number of triples of matches that RANSAC draws. By trials: with 300 the time grows.
+  int ransac_iterations = 150;
+  /// Least number of the matches by descriptors alone that must agree with the pose for it to be refined.
+  int min_agreeing = 8;
+  /// Number of agreeing matches below which a place is accepted `by_few` alone.
+  int enough_agreeing = 12;
+  /// Number of agreeing matches from which on `by_image` asks for no more than its own evidence; with fewer
+  /// it asks for more, up to that of `by_few`.
+  int many_agreeing = 16;
+  int min_inliers = 30;  ///< least number of inliers of the refined pose
+  int min_cells = 5;     ///< least number of cells of the image, of kImageCells, in which inliers lie
+  /// What a hypothesis needs to be accepted in one of several ways, any of which is enough (DECISION.md, 4).
+  /// All of a way's conditions must hold. They come from sources that know nothing of each other.
   struct Acceptance {
-    double similarity = 0;
-    double evidence = 0;
-    double of_met = 0;
-    double of_expected = 0;
-    int agreeing_cells = 0;
-    int inconsistent_cells = kImageCells;  ///< at most
+    double similarity = 0;   ///< least image similarity (Appearance::local, -1 to 1)
+    double evidence = 0;     ///< least evidence()
+    double of_met = 0;       ///< least share of the possible matches (GuidedMatches::met) that are inliers
+    double of_expected = 0;  ///< least share of the points expected in the image that are inliers
+    int agreeing_cells = 0;  ///< least number of agreeing cells (ConfirmOptions::agreeing_in_cell)
+    int inconsistent_cells = kImageCells;  ///< most cells in which the image speaks against the place
   };
-  /// It looks the same, all over but for one cell.
+  /// The place looks the same, all over but for one cell.
   Acceptance by_image = {.similarity = 0.53, .evidence = 0.66, .of_met = 0.35, .inconsistent_cells = 1};
-  /// Partly hidden: most of its points are seen.
+  /// The place is partly hidden: most of its points are seen.
   Acceptance by_points = {.similarity = 0.50, .evidence = 0.60, .of_met = 0.45, .of_expected = 0.36};
-  /// A part has moved: the rest, in most of the image, agrees.
+  /// A part of the place has moved: the rest, in most of the image, agrees.
   Acceptance by_extent = {.similarity = 0.42, .of_met = 0.53, .agreeing_cells = 8};
-  /// Few corners agree, as where much of the image is white: all else must speak clearly.
+  /// Few corners agree, as where much of the image is white: all other evidence must speak clearly.
   Acceptance by_few = {.similarity = 0.53, .evidence = 0.75, .of_met = 0.45, .inconsistent_cells = 1};
-  /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
-  /// is tried.
+  /// Number of agreeing corners and evidence() from which on an accepted place is clear, so that no other
+  /// keyframe is examined. Most right answers have as much, and no look-alike has.
   int clear_agreeing = 25;
   double clear_evidence = 0.82;
-  /// With the first pose, before it is refined: with less the place is another, unless corners agree
-  /// `by_extent`.
+  /// Least evidence() and image similarity of the first pose, by which it is refined at all. With less the
+  /// place is another, unless as many cells agree as `by_extent` needs.
   double least_evidence = 0.45;
   double least_similarity = 0.25;
-  /// Of the depth: what position_sigma(), which is no less than the truth, may be. A pose that is farther off
-  /// is wrong.
+  /// [median depths] Largest standard deviation of the camera's position, position_sigma(), with which a
+  /// place is accepted; it is no less than the true one. A pose that is farther off is wrong.
   double most_sigma = 0.03;
-  uint64_t seed = 1;
+  uint64_t seed = 1;  ///< of RANSAC
 };
 
-/// A corner of a query, and what it shows if the place is this.
+/// A corner of a query, and the map point that it shows if the hypothesis is right.
 struct ExplainedCorner {
   size_t corner = 0;         ///< index into PlaceView::corners
   Eigen::Vector3d ray;       ///< unit, from the query's camera through the corner
   Eigen::Vector3d position;  ///< of the point that it shows, map frame
 };
 
-/// What geometry says of a keyframe as the place of a query.
+/// The result of verifying a keyframe as the place of a query.
 struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
-  /// Of the refined pose; of the one from three matches, where that was refused or could not be refined;
-  /// nothing: none was found with which ConfirmOptions::min_agreeing agree
+  /// The refined pose, or the one from three matches where refinement was refused or failed; nothing if no
+  /// pose was found with which ConfirmOptions::min_agreeing matches agree.
   std::optional<SE3> camera_from_map;
-  int matches = 0;          ///< by descriptors alone; of half of the corners where none of these is supported
-  int supported = 0;        ///< of these, by their neighbours
-  int agreeing = 0;         ///< of all, with the pose from three that are supported
-  int found_otherwise = 0;  ///< of `supported`, not agreeing, at whose corners the refined pose finds points
-  int inliers = 0;          ///< of the refined pose
-  int expected = 0;         ///< points of the neighbourhood that project into the image
-  int met = 0;              ///< matches of these that there could be (GuidedMatches)
-  int occupied_cells = 0;   ///< of kImageCells, with an inlier in them
-  int agreeing_cells = 0;   ///< of kImageCells, with ConfirmOptions::agreeing_in_cell or more of `agreeing`
-  /// Appearance::local and order: by the refined pose, or else by the first, of some points of the keyframe
+  /// Number of matches by descriptors alone; of half of the corners only, where none of these is supported.
+  int matches = 0;
+  int supported = 0;  ///< of `matches`, those that neighbours support
+  /// Number of `matches` that agree with the pose that RANSAC finds from three supported ones.
+  int agreeing = 0;
+  /// Number of `supported` matches that do not agree, but at whose corners the refined pose finds other
+  /// points.
+  int found_otherwise = 0;
+  int inliers = 0;         ///< of the refined pose
+  int expected = 0;        ///< points of the neighbourhood that project into the image
+  int met = 0;             ///< possible matches of these (GuidedMatches::met)
+  int occupied_cells = 0;  ///< of kImageCells, with an inlier in them
+  int agreeing_cells = 0;  ///< of kImageCells, with ConfirmOptions::agreeing_in_cell or more of `agreeing`
+  /// Appearance::local and Appearance::order with the refined pose, or else with the first one, then at some
+  /// of the keyframe's points; -1 if no pose was compared with the image.
   double similarity = -1;
   double order = -1;
   int inconsistent_cells = 0;  ///< Appearance::inconsistent_cells
   std::vector<size_t> found;   ///< corners on which points lie by the refined pose: as many as `inliers`
-  /// `supported`, and unless few agree and it is refused `found`, or those that are `agreeing` where there is
-  /// no refined pose; ascending, each corner once
+  /// Corners of the `supported` matches; unless few agree and the place is refused, also those `found`, or
+  /// where there is no refined pose those that are `agreeing`. Ascending, each corner once. Empty if gravity
+  /// forbids the first pose.
   std::vector<ExplainedCorner> explained;
   std::string reason;  ///< why it is not confirmed
 };
 
-/// 0..1: of the matches that moved as their neighbours did, the share that one pose brings together, or whose
-/// corners it explains by other points: a key of a keyboard is taken for the next, and so are its neighbours.
-/// In a place that only looks alike the same things stand, but not as they stand here: each of them moved as
-/// a whole, and no pose fits them all.
+/// Share, 0 to 1, of the supported matches that one pose brings together or whose corners it explains by
+/// other points: a key of a keyboard is taken for the next, and so are its neighbours. In a place that only
+/// looks alike the same things stand, but not as they stand here: each of them moved as a whole, and no pose
+/// fits them all.
 [[nodiscard]] double unity(const Confirmation& said);
 
-/// What the image and unity() say together, for a place like this one may be well off by any of them: a
-/// mean, in which local brightness, which tells most, counts twice.
+/// Weighted mean of image similarity, grey order and unity(), of which local brightness, which tells most,
+/// counts twice. A place like the right one may be well off by any single one of them.
 [[nodiscard]] double evidence(const Confirmation& said);
 
-/// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
-/// most agree (P3P in RANSAC), then, if the image looks a little like it there, the points of that keyframe
-/// and of others around the pose, and the pose from what is found. `keyframe`: index into those of the map;
-/// `prefilter`: its result there. Deterministic.
+/// Verifies a keyframe as the place of a query. The corners are matched with the keyframe's points; P3P in
+/// RANSAC finds a pose from three supported matches with which most matches agree; if the image looks a
+/// little like the place with that pose, it is refined with the points of this keyframe and of others around.
+/// `keyframe`: index into those of the map; `prefilter`: its result there. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
                                    size_t keyframe, const Prefilter& prefilter,
                                    const ConfirmOptions& options);
 
-/// The pose of a confirmed place is looked for anew from around it (settle()), and judged again by what is
-/// seen from there: it is no longer confirmed where that speaks against it, or leaves too open where the
+/// Searches from around a confirmed pose for a better one (settle()) and judges the place again by what is
+/// seen from there. `said` is no longer confirmed where that speaks against it, or leaves too open where the
 /// camera is.
 void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                      const IndexedMap& map, size_t keyframe, const ConfirmOptions& options,

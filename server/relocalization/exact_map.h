@@ -51,7 +51,7 @@ class ExactMap {
   MapSnapshotPtr snapshot_;
 };
 
-/// What match_closer() finds, after the prefilter.
+/// Runs the prefilter, then match_closer(), with default options.
 [[nodiscard]] std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map,
                                                 size_t keyframe);
 

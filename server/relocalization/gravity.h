@@ -9,18 +9,20 @@
 #include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
 
-/// What gravity says of where a camera can be: an image that fits a place only with the camera held
-/// otherwise than it was held is of another place.
+/// Checks poses by gravity: an image that fits a place only with the camera held otherwise than it was held
+/// is of another place.
 namespace cairn {
 
 struct GravityOptions {
-  /// [squared sigmas] within which two directions agree: of two degrees of freedom, 99.9 %.
+  /// [squared sigmas] Largest squared angle at which two directions agree: 99.9 % of two degrees of freedom.
   double chi_square = 13.816;
-  /// [rad] of a pose from few matches, and of how an IMU is known to sit on its camera.
+  /// [rad] Sigma of the tilt of a pose from few matches, and of how an IMU is known to sit on its camera.
   double pose_tilt = 0.03;
-  /// Share of the keyframes: with more, nobody knows which way is up in the map. Chosen, not measured.
+  /// Share of the keyframes that may contradict the rest: with more, nobody knows which way is up in the map.
+  /// Chosen, not measured.
   double most_contradict = 0.25;
-  /// [rad] What the measurements of one accelerometer have in common does not average out: its bias.
+  /// [rad] Least sigma of the up direction of a map: what the measurements of one accelerometer have in
+  /// common, its bias, does not average out.
   double common_sigma = 0.01;
 };
 

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// The image in 4 x 3 cells: what is all about it, and what is in one corner only.
+/// Grid of 4 x 3 cells over the image, to tell what is all over it from what is in one corner only.
 constexpr size_t kCellsAcross = 4;
 constexpr size_t kCellsDown = 3;
 constexpr size_t kImageCells = kCellsAcross * kCellsDown;

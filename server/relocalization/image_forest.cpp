@@ -25,7 +25,8 @@ struct Distance {
   }
 };
 
-/// The `count` nearest, at most, that are there. One that is gone does not take the place of one that is not.
+/// The `count` nearest images, at most, that are still there. One that is gone does not take the place of one
+/// that is not.
 class NearestThere : public flann::ResultSet<float> {
  public:
   NearestThere(size_t count, std::span<const uint32_t> slots,
@@ -57,7 +58,7 @@ class NearestThere : public flann::ResultSet<float> {
 
 }  // namespace
 
-/// Of images of one size.
+/// The trees of images of one size.
 class ImageForest::Trees {
  public:
   Trees(std::vector<CompactImage> images, std::vector<uint32_t> slots, const ForestOptions& options)

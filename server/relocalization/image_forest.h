@@ -17,7 +17,7 @@ struct ForestOptions {
   int checks = 4096;  ///< images compared before a search ends (recall and time: tests/bench)
 };
 
-/// The nearest of many compact images, by FLANN's randomized kd-trees (Muja and Lowe, PAMI 2014):
+/// Finds the nearest of many compact images by FLANN's randomized kd-trees (Muja and Lowe, PAMI 2014). It is
 /// approximate, so more are asked for than are wanted and compared exactly afterwards. Immutable; any number
 /// of threads may ask. The trees are drawn from the machine's entropy (FLANN 1.9.2 takes no seed), so what is
 /// left out differs from one planting to the next.
@@ -28,7 +28,7 @@ class ImageForest {
     KeyframeId keyframe;
     CompactImage compact;
   };
-  /// Of whom a slot was made.
+  /// The keyframe whose image a slot was made of.
   struct Slot {
     MapId map;
     KeyframeId keyframe;
@@ -39,14 +39,14 @@ class ImageForest {
     uint32_t slot = 0;
   };
 
-  /// Plants trees for the images of each size. Ascending by map and keyframe, each once. A second for 100
-  /// 000: not for a thread that anybody waits for.
+  /// Plants trees for the images of each size. `images` are ascending by map and keyframe, each once. Takes a
+  /// second for 100 000: not for a thread that anybody waits for.
   ImageForest(std::span<const Image> images, const ForestOptions& options);
   ~ImageForest();
   ImageForest(const ImageForest&) = delete;
   ImageForest& operator=(const ImageForest&) = delete;
 
-  /// By index of the images it was made of.
+  /// The slots, in the order of the images that the forest was made of.
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
   /// The image that a slot was made of.
   [[nodiscard]] const CompactImage& image(size_t slot) const { return *rows_[slot]; }

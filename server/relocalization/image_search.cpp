@@ -19,7 +19,7 @@ bool is_better(const Ranked& a, const Ranked& b) {
          std::tie(b.cost, b.map->snapshot->map, b.keyframe);
 }
 
-/// The dissimilarity of images whose compact images are so far apart is not below.
+/// Lower bound of the dissimilarity of images whose compact images are so far apart.
 float bound_at(float distance) {
   return 0.5F * distance - kRounding;
 }
@@ -28,12 +28,12 @@ bool is_nearer(const NearImage& a, const NearImage& b) {
   return a.distance < b.distance;
 }
 
-/// The nearest of what is offered: a heap, the farthest at the front.
+/// The nearest few of the images offered: a heap, the farthest at the front.
 class NearestFew {
  public:
   explicit NearestFew(size_t count) : count_(count) { heap_.reserve(count + 1); }
 
-  /// What is not nearer is of no use.
+  /// Distance below which an image is of use.
   [[nodiscard]] float limit() const { return is_full() ? heap_.front().distance : kInfinity; }
   [[nodiscard]] bool is_full() const { return heap_.size() == count_; }
   void offer(const NearImage& near) {
@@ -100,7 +100,7 @@ NearestFew ask_forest(const PlaceIndex& index, const CompactImage& query, size_t
   return few;
 }
 
-/// All whose dissimilarity may be `most` or less, nearest first.
+/// All images whose dissimilarity may be `most` or less, nearest first.
 std::vector<NearImage> scan_within(const PlaceIndex& index, const CompactImage& query, float most) {
   std::vector<NearImage> within;
   const float limit = 2 * (most + 2 * kRounding);

@@ -26,11 +26,12 @@ struct QueryImage {
   CompactImage compact;
 };
 
-/// 1 - Pearson's correlation of the tiny images, which gain and bias do not change: 0 = alike, 1 = nothing in
-/// common. 2 without contrast; infinite for a keyframe whose tiny image has another size.
+/// Dissimilarity of two images: 1 - Pearson's correlation of the tiny images, which gain and bias do not
+/// change. 0 = alike, 1 = nothing in common; 2 without contrast; infinite for a keyframe whose tiny image has
+/// another size.
 [[nodiscard]] float dissimilarity(const IndexedKeyframe& keyframe, const QueryImage& query);
 
-/// How all images are gone through.
+/// How the images of an index are searched.
 enum class ImageSearch : uint8_t {
   kForest,  ///< those in the index's forest by it, the others by a scan: approximate where there is a forest
   kScan,    ///< all by a scan: exact, so an answer depends on the maps alone
@@ -42,8 +43,9 @@ struct NearImage {
   KeyframePlace place;
 };
 
-/// Images that a query looks at: its words vote for keyframes of the maps of these (without a bound
-/// their lists are most of the time from some thousand keyframes on), and the most alike are among them.
+/// Number of nearest images that a query looks at. Its words vote for keyframes of the maps of these (without
+/// a bound their lists are most of the time from some thousand keyframes on), and the most alike are among
+/// them.
 constexpr size_t kImagesNear = 512;
 
 /// The `images` keyframes (one at least) that are nearest to a query by their compact images, found once,
@@ -58,8 +60,9 @@ class NearImages {
   /// distance of compact images is a bound of the dissimilarity, so a scan leaves out nothing, and a forest
   /// what it has not found near.
   [[nodiscard]] std::vector<Ranked> most_similar(size_t count) const;
-  /// Their maps, ascending by id: all where there are not more keyframes, or the query has no contrast. A map
-  /// with images of another size, which cannot be compared, is always one of them.
+  /// The maps of the near images, ascending by id; all maps if the index has no more keyframes than `images`,
+  /// or the query has no contrast. A map with images of another size, which cannot be compared, is always one
+  /// of them.
   [[nodiscard]] std::vector<const IndexedMap*> maps() const;
 
  private:
@@ -70,8 +73,8 @@ class NearImages {
   std::vector<NearImage> near_;  ///< nearest first
 };
 
-/// As Castle et al. 2008: the keyframe with the smallest mean squared difference, which is the cost. Null
-/// map: there is none of the query's size.
+/// The keyframe whose tiny image has the smallest mean squared difference from the query's, which is the cost
+/// (Castle et al. 2008). Null map: there is none of the query's size.
 [[nodiscard]] Ranked find_nearest(const PlaceIndex& index, const TinyImage& tiny);
 
 }  // namespace cairn

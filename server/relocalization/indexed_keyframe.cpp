@@ -15,7 +15,8 @@ namespace {
 
 constexpr float kLeastMoreWhite = 0.01F;  ///< share of the image that is clipped only when overexposed
 
-/// Of a keyframe's measurements those that it had when it was indexed before, and what it was then.
+/// Tells which of a keyframe's measurements are known from `previous`, the keyframe as it was indexed before:
+/// those of the same point at the same pixel and level.
 class Known {
  public:
   /// `previous`: null, or outlives it.
@@ -31,7 +32,7 @@ class Known {
     }
   }
   [[nodiscard]] const IndexedKeyframe* previous() const { return previous_; }
-  /// Index into `previous`; nothing: it is new, or elsewhere.
+  /// Index of the measurement in `previous`; nothing if it is new, or was elsewhere.
   [[nodiscard]] std::optional<size_t> was(size_t measurement) const { return was_[measurement]; }
 
   [[nodiscard]] bool is_all() const {
@@ -49,7 +50,7 @@ struct Described {
   CellId cell = 0;
 };
 
-/// Of `points`, in their order.
+/// Vocabulary cells of the descriptors of `points`, in their order.
 std::vector<CellId> cells_of(const DescribedPoints& points) {
   std::vector<CellId> cells(points.points.size());
   for (size_t cell = 0; cell < kVocabularyCells; ++cell) {
@@ -59,7 +60,7 @@ std::vector<CellId> cells_of(const DescribedPoints& points) {
   return cells;
 }
 
-/// What is known, as it was described before. In no particular order.
+/// Descriptions of the known measurements, taken from `before`, in no particular order.
 std::vector<Described> take_over(const DescribedPoints& before, const Known& known, size_t measurements) {
   const std::vector<CellId> cells = cells_of(before);
   std::vector<Described> described;
@@ -76,7 +77,7 @@ std::vector<Described> take_over(const DescribedPoints& before, const Known& kno
   return described;
 }
 
-/// Appends what is not known, at its scales.
+/// Describes the measurements that are not known, at both of their scales, and appends the result.
 void describe_new(const Pyramid& pyramid, std::span<const PointMeasurement> measurements, const Known& known,
                   std::vector<Described>* described) {
   std::array<std::vector<uint32_t>, kPyramidLevels> fresh;
@@ -120,7 +121,7 @@ DescribedPoints arrange(std::vector<Described> described, size_t measurements) {
   return points;
 }
 
-/// `before`: of what is known; null: nothing is.
+/// Describes all measurements. `before`: descriptions of those that are known; null: none is.
 DescribedPoints describe_points(const Pyramid& pyramid, std::span<const PointMeasurement> measurements,
                                 const Known& known, const DescribedPoints* before) {
   std::vector<Described> described;
@@ -131,7 +132,7 @@ DescribedPoints describe_points(const Pyramid& pyramid, std::span<const PointMea
   return points;
 }
 
-/// As the camera would have taken it.
+/// The image as the camera would have taken it at kOverexposure times the exposure.
 Pyramid overexpose(const GrayView& image) {
   GrayImage lit(image.width, image.height);
   for (int y = 0; y < image.height; ++y) {
@@ -170,7 +171,7 @@ std::vector<WordId> find_words(const DescribedPoints& points) {
   return words;
 }
 
-/// With the points described.
+/// Sightings of the keyframe's measurements. `points` say how many descriptions each has.
 std::vector<Sighting> make_sightings(const KeyframeView& view, const DescribedPoints& points) {
   const GrayView small = view.pyramid->level(kPyramidLevels - 1);
   std::vector<Sighting> sightings;

@@ -22,14 +22,15 @@ constexpr float kPlaceBlur = 2.5F;
 /// the square root of two. A descriptor stands a change of scale by 1.2 or so; levels alone leave gaps.
 constexpr int kPlaceScales = 2 * kPyramidLevels;
 
-/// Times the exposure of a keyframe at which it is described a second time. By trials, on queries of gain 2
-/// (tests/bench/HISTORY.md).
+/// Factor on the exposure of a keyframe with which its points are described a second time. By trials, on
+/// queries of gain 2 (tests/bench/HISTORY.md).
 constexpr int kOverexposure = 2;
 
 /// Which map point a descriptor is of.
 struct DescribedPoint {
   uint32_t measured = 0;  ///< index into IndexedKeyframe::measured
-  uint8_t scale = 0;      ///< at which it is described: twice the level at which it was measured, or one more
+  /// Scale of the description: twice the level at which the point was measured, or one more.
+  uint8_t scale = 0;
 };
 
 /// How a keyframe saw a point.
@@ -37,18 +38,19 @@ struct Sighting {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
   std::optional<Brightness> brightness;             ///< there
   uint8_t level = 0;                                ///< at which it was measured
-  uint8_t descriptions = 0;                         ///< how many there are: none near the border
+  uint8_t descriptions = 0;                         ///< number of its descriptions: none near the border
 };
 
 /// The points of a keyframe as they look at one exposure.
 struct DescribedPoints {
   float white = 0;  ///< share of the image that is clipped
-  /// By the descriptor's cell, then scale, then `measured`. Each point stands at two scales.
+  /// Points in the order of the descriptor's cell, then scale, then `measured`. Each point stands at two
+  /// scales.
   std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
   /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
   std::array<uint32_t, kVocabularyCells * kPlaceScales + 1> begin_of{};
-  /// Of IndexedKeyframe::measured: Sighting::descriptions indices into `points`.
+  /// For each of IndexedKeyframe::measured, indices into `points`: as many as Sighting::descriptions.
   std::vector<std::array<uint32_t, 2>> of_measured;
 };
 
@@ -60,20 +62,21 @@ struct IndexedKeyframe {
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   DescribedPoints as_taken;
-  /// As with kOverexposure; nothing: less than a hundredth (chosen, not measured) more of the image would be
-  /// white. In white nothing is left of a corner and what is next to it looks otherwise, which no descriptor
-  /// of the image as it was taken foretells.
+  /// The points as they look at kOverexposure; nothing if less than a hundredth (chosen, not measured) more
+  /// of the image would be white. In white nothing is left of a corner and what is next to it looks
+  /// otherwise, which no descriptor of the image as it was taken foretells.
   std::optional<DescribedPoints> overexposed;
   std::vector<WordId> words;  ///< of the descriptors of `as_taken`, ascending, each once
 
-  /// The points as they look in an image of which a share is white.
+  /// Returns the points as they look in an image of which the share `white` is clipped: those of the exposure
+  /// with the nearer share.
   [[nodiscard]] const DescribedPoints& exposed_as(float white) const;
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 
-/// Describes what `previous` (null: none), the keyframe as it was indexed before, has not measured at the
-/// same pixel; the rest is taken from there, unless its image was another. A few milliseconds without
-/// `previous`.
+/// Indexes a keyframe. Points that `previous` (null: none), the keyframe as it was indexed before, measured
+/// at the same pixel are taken from there, unless its image was another; the others are described. A few
+/// milliseconds without `previous`.
 [[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view,
                                                 const IndexedKeyframe* previous = nullptr);
 

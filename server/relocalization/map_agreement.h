@@ -9,32 +9,37 @@
 
 #include "common/geometry/se3.h"
 
-/// Whether images that are known in two maps say the same of how these lie to each other. Maps have each a
-/// frame and a unit of length of their own, so that is a similarity. Pure.
+/// Whether images that are known in two maps agree on how these lie to each other. Each map has a frame and a
+/// unit of length of its own, so the transform between them is a similarity. Pure.
 namespace cairn {
 
-/// Poses of one image in one map that are farther apart [separation()] contradict each other; the same pose
-/// from two keyframes is off by a third of that, which leaves room for what two maps of a place differ in and
-/// for the scale of a short base. An angle alone counts as much [rad].
+/// [mean depths plus rad] Poses of one image in one map that are farther apart (separation()) contradict each
+/// other. The same pose from two keyframes is off by a third of that, which leaves room for what two maps of
+/// a place differ in and for the scale of a short base.
 constexpr double kSamePose = 0.15;
 
 struct MapAgreementOptions {
-  double same_pose = kSamePose;  ///< [mean depths plus rad] that views of one similarity may be off
-  /// [mean depths] between the centres of two views; views that are nearer to each other say little of the
-  /// scale.
+  /// [mean depths plus rad] A view agrees with a similarity that puts its two poses no farther apart
+  /// (separation()).
+  double same_pose = kSamePose;
+  /// [mean depths] Least distance between the centres of two views that define a similarity; views that are
+  /// nearer to each other say little of the scale.
   double least_base = 0.1;
 };
 
-/// Of maps that show the same place (overlap_detector). Where no reason is given, a value is chosen, not
-/// measured.
+/// Options of the detection of maps that show the same place (overlap_detector). Where no reason is given, a
+/// value is chosen, not measured.
 struct OverlapOptions {
-  uint64_t most_maps = 4;  ///< of a place, that an image is looked for in: they bound the work
-  /// Keyframes of a pair of maps, the newest: how they lie to each other is known from a few.
+  /// Number of maps in which an image is found after which it is looked for in no others; it bounds the work.
+  uint64_t most_maps = 4;
+  /// Number of the newest shared keyframes of a pair of maps that are kept: how the maps lie to each other is
+  /// known from a few.
   uint64_t most_shown = 32;
-  /// [mean depths plus rad] A keyframe that stands no farther from one of another map (separation()) should
-  /// be known there.
+  /// [mean depths plus rad] A keyframe that stands no farther than this from one of another map
+  /// (separation()) should be found there.
   double next_to = 0.3;
-  /// That agree on one similarity: the neighbours of a look-alike show the same.
+  /// Number of keyframes that have to agree on one similarity before maps overlap: one may be a look-alike,
+  /// and its neighbours show the same.
   uint64_t least_keyframes = 3;
   MapAgreementOptions agreement;
 };

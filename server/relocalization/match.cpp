@@ -33,8 +33,8 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const Described
   find_nearest_few(corner.descriptor, exposed.descriptors, within, options.max_distance, options.ratio, near);
 }
 
-/// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
-/// made of one corner at several scales look alike and are not rivals.
+/// Chooses the nearest point and, if it matters, its nearest rival elsewhere; nothing if none is near enough.
+/// Map points made of one corner at several scales look alike and are not rivals.
 std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe,
                            std::span<const DescribedPoint> points, const MatchOptions& options) {
   int least = options.max_distance + 1;
@@ -64,7 +64,8 @@ std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKe
   return best;
 }
 
-/// Of matches that share a point (then: a corner) the nearest stays. Result in the order of corners.
+/// Keeps the nearest of the matches that share a point, then of those that share a corner. The result is in
+/// the order of corners.
 void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   const auto thin = [&](const auto& key) {
     std::sort(matches->begin(), matches->end(), [&](const PlaceMatch& a, const PlaceMatch& b) {
@@ -79,7 +80,8 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   thin([](const PlaceMatch& m) { return static_cast<uint64_t>(m.corner); });
 }
 
-/// What is spread over memory and will be needed: waited for once, in a row, and not piece by piece.
+/// Prefetches what is spread over memory and will be needed: it is waited for once, in a row, and not piece
+/// by piece.
 template <typename T>
 void prefetch(std::span<const T> items) {
   constexpr size_t kCacheLine = 64;
@@ -87,7 +89,7 @@ void prefetch(std::span<const T> items) {
   for (size_t i = 0; i < bytes.size(); i += kCacheLine) __builtin_prefetch(&bytes[i]);
 }
 
-/// And what is matched of every second corner, from `first` on; a point may be there twice.
+/// Appends to `matches` those of every second corner, from `first` on; a point may be there twice.
 std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<const CellList> cells,
                                            const IndexedMap& map, size_t keyframe, size_t first,
                                            std::vector<PlaceMatch> matches, const MatchOptions& options) {
@@ -112,7 +114,7 @@ std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<cons
   return matches;
 }
 
-/// The corners near one projected point, and what of them looks most like it.
+/// The corners near one projected point, and the search for the one that looks most like it.
 class Neighbourhood {
  public:
   Neighbourhood(const CornerGrid& grid, double radius) : grid_(grid), radius_(radius) {}
@@ -138,8 +140,8 @@ class Neighbourhood {
   }
   /// Positions in the grid.
   [[nodiscard]] const std::vector<uint32_t>& corners() const { return near_; }
-  /// Of the corners at most a level away. `best` is replaced by what is more alike; ties go to the lower
-  /// corner.
+  /// Compares a sighting with the corners at most a level away. Replaces `best` by a corner that is more
+  /// alike; ties go to the lower corner.
   void compare(const KeyframeSighting& seen, PlaceMatch* best) {
     const size_t first = begin_[static_cast<size_t>(std::max(seen.sighting->level - 1, 0))];
     const size_t last = begin_[static_cast<size_t>(std::min(seen.sighting->level + 2, kPyramidLevels))];

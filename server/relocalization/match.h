@@ -13,16 +13,21 @@
 /// Corners of a query matched with points of keyframes by their descriptors.
 namespace cairn {
 
-/// What sets these limits is in DECISION.md.
+/// Limits of the matching. DECISION.md says what sets them.
 struct MatchOptions {
-  int max_distance = 70;  ///< [bits of 256] of a match without a pose to guide it
-  float ratio = 0.85F;    ///< of the distance of the best rival (Lowe, IJCV 2004)
-  float same_place = 6;   ///< [px of level 0 times 2^level] nearer is no rival: the same corner, other level
-  int max_guided_distance = 60;  ///< [bits of 256] of a match near where a pose expects it
-  float neighbourhood = 80;      ///< [px] in the keyframe, within which matches are neighbours
-  float motion_noise = 8;        ///< [px] of a match at a coarse level
-  float motion_change = 0.25F;   ///< [px of motion per px apart] change of scale, roll, slant
-  int fewest_supporters = 2;     ///< neighbours that moved alike
+  int max_distance = 70;  ///< [bits of 256] largest distance of a match without a pose to guide it
+  float ratio = 0.85F;    ///< largest distance of a match, over that of its best rival (Lowe, IJCV 2004)
+  /// [px of level 0 times 2^level] Points nearer to each other than this are one corner at two levels, and no
+  /// rivals.
+  float same_place = 6;
+  int max_guided_distance = 60;  ///< [bits of 256] largest distance of a match near where a pose expects it
+  float neighbourhood = 80;      ///< [px] distance in the keyframe within which matches are neighbours
+  /// [px] Difference of two neighbours' motions that noise explains, at a coarse level.
+  float motion_noise = 8;
+  /// [px of motion per px apart] Further difference that change of scale, roll and slant explain.
+  float motion_change = 0.25F;
+  /// Number of neighbours that must have moved alike for a match to be supported.
+  int fewest_supporters = 2;
 
   /// [bits of 256] The farthest rival that can still refuse a match.
   [[nodiscard]] int max_rival_distance() const {
@@ -39,24 +44,24 @@ struct PlaceMatch {
   Eigen::Vector2f there = Eigen::Vector2f::Zero();  ///< where the keyframe saw it [level-0 px]
 };
 
-/// For each corner of a view the cells in which points are looked for that may be the same.
+/// For each corner of a view the vocabulary cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
-/// The cheap match with a keyframe: of every second corner. Where none of these matches is supported
-/// (keep_supported()) the place is another, nearly always. Asking for three or four that are supported lost
-/// right answers (trials: tests/bench/HISTORY.md).
+/// The result of the cheap match of every second corner with a keyframe. Where none of these matches is
+/// supported (keep_supported()) the place is another, nearly always. Asking for three or four that are
+/// supported lost right answers (trials: tests/bench/HISTORY.md).
 struct Prefilter {
   std::vector<PlaceMatch> matches;  ///< in the order of corners, a point perhaps more than once
-  size_t distinct = 0;              ///< of these, each point once
-  size_t supported = 0;
+  size_t distinct = 0;              ///< number of these, each point counted once
+  size_t supported = 0;             ///< number of the distinct ones that neighbours support
 };
 [[nodiscard]] Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells,
                                       const IndexedMap& map, size_t keyframe, const MatchOptions& options);
-/// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
-/// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
+/// Matches every corner with the point of the keyframe, as it looks at about the view's exposure, that looks
+/// most like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
-/// are passed over. In the order of corners.
-/// `prefilter`: its result there, whose matches need not be looked for again.
+/// are passed over. In the order of corners. `prefilter`: its result there, whose matches need not be looked
+/// for again.
 [[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
                                                    const IndexedMap& map, size_t keyframe,
                                                    const Prefilter& prefilter, const MatchOptions& options);
@@ -71,7 +76,7 @@ class CornerGrid {
     Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
     uint32_t corner = 0;  ///< index into PlaceView::corners
   };
-  /// By position in the grid.
+  /// The corner at a position in the grid, and its descriptor.
   [[nodiscard]] const Entry& entry(uint32_t position) const { return entries_[position]; }
   [[nodiscard]] const Descriptor& descriptor(uint32_t position) const { return descriptors_[position]; }
   /// Appends the positions of a level's corners within `radius` level-0 px.
@@ -116,32 +121,33 @@ struct ProjectedPoints {
     return std::span(sightings).subspan(p.first_sighting, p.sighting_count);
   }
 };
-/// Points in the image that some keyframes of the map (indices) have described, as they look in an image of
-/// which a share is `white`; of these, in the order of ids, one of `every` so many. `out` keeps its memory.
+/// Projects the points that some keyframes of the map (indices) have described, as they look in an image of
+/// which a share is `white`, and keeps those in the image; of all points, in the order of ids, one of `every`
+/// so many. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
                     std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every = 1);
 
-/// Projected points looked for within `radius` px of the corner's level, among corners at most a level from
+/// Matches of projected points with corners within `radius` px of the corner's level, at most a level from
 /// one at which the point was measured. Each corner and each point at most once, in the order of corners.
 struct GuidedMatches {
   std::vector<PlaceMatch> matches;
-  /// Matches that there could be if all were alike: corners on which a point of about their level falls, or
-  /// points that fall on one, whichever are fewer.
+  /// Number of matches that there could be if all were alike: corners on which a point of about their level
+  /// falls, or points that fall on one, whichever are fewer.
   size_t met = 0;
 };
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
                                        const ProjectedPoints& projected, double radius,
                                        const MatchOptions& options);
 
-/// Matches that moved from the keyframe's image to the query's as some of their neighbours did, two at least
-/// by default, (the idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do,
-/// by chance: sampling from these finds a pose in tens of trials where sampling from all needs thousands. In
-/// the given order.
+/// Keeps the matches that moved from the keyframe's image to the query's as at least
+/// MatchOptions::fewest_supporters of their neighbours did (the idea of grid-based motion statistics: Bian et
+/// al., CVPR 2017). Of false matches few do, by chance: sampling from these finds a pose in tens of trials
+/// where sampling from all needs thousands. In the given order.
 [[nodiscard]] std::vector<PlaceMatch> keep_supported(const PlaceView& view,
                                                      std::span<const PlaceMatch> matches,
                                                      const MatchOptions& options);
 
-/// As observations of a pose: sigma 2^level px.
+/// Turns matches into observations of a pose, with sigma 2^level px.
 [[nodiscard]] std::vector<PointObservation> to_observations(const PlaceView& view,
                                                             std::span<const PlaceMatch> matches);
 

@@ -7,7 +7,7 @@
 namespace cairn {
 namespace {
 
-/// In both maps' present frames; nothing: a keyframe has gone.
+/// Poses of a shared view in the present frames of both maps; nothing if one of its keyframes has gone.
 std::optional<SharedView> view_of(const MapSnapshot& map, KeyframeId keyframe, const MapSnapshot& other_map,
                                   KeyframeId other, const SE3& camera_from_other) {
   const KeyframePose* here = map.find(keyframe);

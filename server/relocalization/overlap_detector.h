@@ -24,46 +24,40 @@ struct MapPair {
   return a < b ? MapPair{a, b} : MapPair{b, a};
 }
 
-/// What two maps have in common, as the newest keyframes tell that are in both.
+/// Two maps that show one place, and how many of the newest keyframes found in both say so.
 struct Overlap {
   MapPair maps;
   size_t of_one = 0;  ///< keyframes of the one that show the other, all by one similarity
   size_t of_other = 0;
 };
 
-/// Where an image was taken in each map of the index that has its place: the best confirmed candidate of
-/// each, of a handful of maps at most. As long as a query for each map that has it, and one more.
+/// Finds where an image was taken in each map of the index that has its place: the best confirmed candidate
+/// of each, until OverlapOptions::most_maps maps have it or no other has. Takes as long as a query for each
+/// map that has it, and one more.
 [[nodiscard]] std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& camera,
                                                            const PlaceView& view,
                                                            const RelocOptions& options);
 
-/// Gathers which keyframes of maps have been asked about in other maps, and with what answer.
-///
-/// One keyframe in another map may be a look-alike, and its neighbours in the map, which show the same, may
-/// be taken in by the same. So an overlap is at least OverlapOptions::least_keyframes keyframes whose poses
-/// agree on one similarity between the two maps, and no fewer than those that should show the other map by
-/// that similarity, as they stood next to a keyframe of it, and are not known there nor anywhere: a place is
-/// recognized from about where it was mapped, all but always; a place like it from here and there.
-///
-/// One thread at a time. Takes some 100 bytes a keyframe.
+/// Gathers which keyframes of maps have been searched for in other maps, and with what answer.
 class OverlapDetector {
  public:
   explicit OverlapDetector(const OverlapOptions& options) : options_(options) {}
 
-  /// A map is searched as it is in `map` from here on.
+  /// Notes that a map is searched as it is in `map` from here on.
   void note_searched(const IndexedMap& map);
-  /// When a query is put, before its index is taken: what is searched by then, it is about.
+  /// Time for note_answer(), a count. It is taken when a query is put, before its index is: the query is
+  /// about all maps noted by note_searched() until then.
   [[nodiscard]] uint64_t now() { return ++clock_; }
-  /// A keyframe of a map has been asked about at `time` in all others of `index`: where it is `found`, one
-  /// candidate a map. The overlaps of its map with these, if there are any. Maps that are not searched any
-  /// more count for nothing.
+  /// Notes that a keyframe of a map was searched for at `time` in all other maps of `index`, and where it was
+  /// `found`, one candidate a map. Returns the overlaps of its map with these. Maps that are no longer
+  /// searched count for nothing.
   [[nodiscard]] std::vector<Overlap> note_answer(const MapId& map, KeyframeId keyframe, uint64_t time,
                                                  std::span<const PlaceCandidate> found,
                                                  const PlaceIndex& index);
   void remove(const MapId& map);
 
  private:
-  /// What is known of a keyframe. Times are counted, not measured.
+  /// When a keyframe could be found by queries, and when it was a query itself. Times are counts of `clock_`.
   struct Entry {
     uint64_t searched_since = 0;
     uint64_t asked_at = 0;  ///< 0: has not been
@@ -80,8 +74,8 @@ class OverlapDetector {
   };
 
   [[nodiscard]] std::optional<Overlap> judge(const MapPair& pair, const PlaceIndex& index) const;
-  /// Keyframes of `asked` that should show the other map, were asked about at `since` or later, and do not.
-  /// `other_from_asked`: the similarity.
+  /// Counts the keyframes of `asked` that should show the other map by the similarity `other_from_asked`,
+  /// were searched for at `since` or later, and were not found in any map.
   [[nodiscard]] size_t count_missing(const IndexedMap& asked, const IndexedMap& other,
                                      const Similarity3& other_from_asked, uint64_t since) const;
 

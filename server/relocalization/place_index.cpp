@@ -34,7 +34,7 @@ std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::sp
   return positions;
 }
 
-/// Index into the keyframes of the map.
+/// Index of a keyframe in those of the map; nothing if it is not there.
 std::optional<uint32_t> find_keyframe(const IndexedMap& map, KeyframeId id) {
   const auto at = std::lower_bound(map.keyframes.begin(), map.keyframes.end(), id,
                                    [](const IndexedKeyframePtr& k, KeyframeId key) { return k->id < key; });

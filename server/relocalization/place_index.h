@@ -27,7 +27,7 @@ struct InvertedLists {
   }
 };
 
-/// Whether each can be compared with each.
+/// Whether all images are of one size, so that each can be compared with each.
 [[nodiscard]] bool are_comparable(std::span<const CompactImage> images);
 
 [[nodiscard]] InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes);
@@ -36,20 +36,21 @@ struct IndexedMap {
   MapSnapshotPtr snapshot;                    ///< positions and poses
   std::vector<IndexedKeyframePtr> keyframes;  ///< live in `snapshot`, ascending by id
   std::vector<CompactImage> images;           ///< of `keyframes`
-  bool is_of_one_size = true;                 ///< all `images`
+  bool is_of_one_size = true;                 ///< whether all `images` are
   InvertedLists lists;
-  /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
+  /// For each keyframe the positions of the points that it measured, map frame; not finite if a point has
+  /// gone.
   std::vector<std::vector<Eigen::Vector3f>> positions;
   std::optional<UpDirection> up;  ///< in the map frame; nothing: its keyframes do not know
 };
 using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 
-/// Memory of a map's part of the index, about: of so many keyframes of 640x480 that measured so many points
-/// in all.
+/// Rough memory [byte] of a map's part of the index, with so many keyframes of 640x480 that measured so many
+/// points in all.
 [[nodiscard]] size_t bytes_indexed(size_t keyframes, size_t measurements);
 
-/// A map's part of the index. Keyframes of `previous` (null: none; of the same images) whose measurements
-/// are the same are shared, and those whose view has no image to describe them anew. Views of keyframes
+/// Makes a map's part of the index. Keyframes are shared with `previous` (null: none; of the same images) if
+/// their measurements are the same, or if their view has no image to describe them anew. Views of keyframes
 /// that the snapshot does not have are left out, and those without an image that `previous` does not have. A
 /// few milliseconds per keyframe that is new or changed: not for a thread that a query waits for.
 [[nodiscard]] IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
@@ -61,23 +62,23 @@ struct KeyframePlace {
   uint32_t keyframe = 0;  ///< index into those of the map
 };
 
-/// All maps. A value: copies share the maps.
+/// The index of all maps. It is a value: copies share the maps.
 class PlaceIndex {
  public:
   /// Adds a map, or replaces the one of the same id.
   void put(IndexedMapPtr map);
   void remove(const MapId& map);
-  /// Ascending by id.
+  /// The maps, ascending by id.
   [[nodiscard]] const std::vector<IndexedMapPtr>& maps() const { return maps_; }
   [[nodiscard]] const IndexedMap* find(const MapId& map) const;
-  /// Those of `maps` that are here.
+  /// An index of those of its maps that are among `maps`.
   [[nodiscard]] PlaceIndex only(const MapSet& maps) const;
-  /// Whether only() would be the same.
+  /// Whether only() would return the same, as all its maps are among `maps`.
   [[nodiscard]] bool is_within(const MapSet& maps) const;
   [[nodiscard]] size_t keyframe_count() const { return keyframe_count_; }
-  /// Keyframes that show a word.
+  /// Number of keyframes that show a word.
   [[nodiscard]] uint32_t shown(WordId word) const { return shown_[word]; }
-  /// Words that keyframes show, summed over these.
+  /// Number of words that a keyframe shows, summed over all keyframes.
   [[nodiscard]] uint64_t shown_in_all() const { return shown_in_all_; }
 
   /// Whether plant_forest() would be of use: more than `most_scanned` images are in no forest, or more than
@@ -86,9 +87,9 @@ class PlaceIndex {
   /// Takes a forest made of this index or of an earlier version of it; null: all images are scanned.
   void set_forest(ImageForestPtr forest);
   [[nodiscard]] const ImageForestPtr& forest() const { return forest_; }
-  /// By slot of the forest: whose image that is; map null: gone.
+  /// For each slot of the forest the keyframe whose image it holds; its map is null if it has gone.
   [[nodiscard]] std::span<const KeyframePlace> planted() const { return planted_; }
-  /// What is in no forest. Ascending by map and keyframe.
+  /// Keyframes whose images are not in the forest, ascending by map and keyframe.
   [[nodiscard]] std::span<const KeyframePlace> unplanted() const { return unplanted_; }
 
  private:
@@ -104,7 +105,7 @@ class PlaceIndex {
   ImageForestPtr forest_;
   std::vector<KeyframePlace> planted_;
   std::vector<KeyframePlace> unplanted_;
-  size_t gone_ = 0;  ///< of `planted_`
+  size_t gone_ = 0;  ///< number of `planted_` that have gone
 };
 
 /// A forest of all images of an index, or null where there are not more than `most_scanned`. A second for

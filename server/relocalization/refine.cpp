@@ -29,7 +29,7 @@ std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_fr
   return around;
 }
 
-/// Leaves so many, evenly.
+/// Keeps `count` of the points, evenly spread over their order.
 void keep_some(size_t count, std::vector<ProjectedPoint>* points) {
   if (points->size() <= count) return;
   const size_t all = points->size();

@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
-/// An image that cannot be compared counts as the opposite of the query's.
+/// Ranks a keyframe by its tiny image. One that cannot be compared counts as the opposite of the query's.
 Ranked rank(const IndexedMap& map, size_t keyframe, const QueryImage& query) {
   constexpr float kOpposite = 2;  // a correlation of -1
   const float cost = dissimilarity(*map.keyframes[keyframe], query);
@@ -85,14 +85,16 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said, co
   return candidate;
 }
 
-/// So much that no other place can look better: the rest need not be tried.
+/// Whether a confirmed place has so much evidence that no other can look better, so that the rest need not be
+/// examined.
 bool is_clear(const Confirmation& said, const RelocOptions& options) {
   return said.confirmed && !said.changed && said.agreeing >= options.confirm.clear_agreeing &&
          evidence(said) >= options.confirm.clear_evidence;
 }
 
-/// Believed first, by how similar the image is: from one keyframe the pose may be worse than from another,
-/// and inliers do not tell. Then what looks right and is common, then the rest, in the order they were tried.
+/// Sorts hypotheses: first those that are believed, by how similar the image is, since from one keyframe the
+/// pose may be worse than from another and inliers do not tell. Then come those that look right but are
+/// refused as common, then the rest, in the order in which they were examined.
 void put_in_order(std::vector<PlaceHypothesis>* hypotheses) {
   std::ranges::stable_sort(*hypotheses, [](const PlaceHypothesis& a, const PlaceHypothesis& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
@@ -108,7 +110,8 @@ struct Prefiltered {
   Prefilter prefilter;
 };
 
-/// Which keyframes are looked at closer: not those of a place of which enough have been, or these, too.
+/// Which keyframes are looked at closer: kOpenPlaces leaves out those of a confirmed place of which enough
+/// have been examined, kAnyPlace does not.
 enum class Examine : uint8_t { kOpenPlaces, kAnyPlace };
 
 /// One query on its way through the keyframes.
@@ -117,7 +120,8 @@ class Inquiry {
   Inquiry(const Camera& camera, const PlaceView& view, const RelocOptions& options)
       : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
 
-  /// Examines the most promising keyframes of the index that have not been. True: one of them is clear.
+  /// Examines the most promising keyframes of the index that have not been examined yet. Returns true if one
+  /// of them is clear.
   bool search(const PlaceIndex& index, const QueryImage& query) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = asked_.size();
@@ -139,7 +143,7 @@ class Inquiry {
     return is_any_believed() && most_similar_believed_ < options_.sure_similarity &&
            look_closer(poses_ + options_.more_for_pose, Examine::kAnyPlace);
   }
-  /// By what it shows itself, whoever else shows the same.
+  /// Whether a place is confirmed by what it shows itself, even if rivals show the same.
   [[nodiscard]] bool is_any_confirmed() const {
     return std::any_of(hypotheses_.begin(), hypotheses_.end(),
                        [](const PlaceHypothesis& h) { return h.said.confirmed; });
@@ -164,8 +168,8 @@ class Inquiry {
   /// Whether a place is confirmed and not refused for what others show.
   [[nodiscard]] bool is_any_believed() const { return most_similar_believed_ >= 0; }
 
-  /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
-  /// rivals.
+  /// Whether a keyframe is of a confirmed place of which enough keyframes have been examined. All others are
+  /// rivals of that place.
   [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
     return std::ranges::any_of(hypotheses_, [&](const PlaceHypothesis& t) {
       return t.said.confirmed && t.hypotheses_of_place >= options_.hypotheses_of_place &&
@@ -177,8 +181,8 @@ class Inquiry {
     return std::ranges::find(asked_, &keyframe) != asked_.end();
   }
 
-  /// Keyframes of which some matches support each other while too few agree on a pose to tell, best first:
-  /// from there the place is seen from too far or aside.
+  /// Keyframes of which some matches support each other while too few agree on a pose, best first: they may
+  /// see the place from too far away or from aside.
   [[nodiscard]] std::vector<Ranked> leads() const {
     std::vector<const PlaceHypothesis*> found;
     for (const PlaceHypothesis& t : hypotheses_) {
@@ -194,7 +198,7 @@ class Inquiry {
     return leads;
   }
 
-  /// Those that measured most points in common with it and have not been asked.
+  /// Keyframes that measured most points in common with `lead` and have not been examined.
   [[nodiscard]] std::vector<Ranked> neighbours_of(const Ranked& lead, const QueryImage& query) const {
     std::vector<std::pair<size_t, size_t>> shared;  // points in common, keyframe
     for (size_t k = 0; k < lead.map->keyframes.size(); ++k) {
@@ -209,8 +213,9 @@ class Inquiry {
     return neighbours;
   }
 
-  /// A neighbour of what is half known may see the place better, and stand too low by images and words to be
-  /// examined. Nothing is prefiltered that could not be looked at closer. True: one is clear.
+  /// Examines the neighbours of leads: they may see the place better, yet stand too low by images and words
+  /// to be examined otherwise. Prefilters none that could not be looked at closer. Returns true if one is
+  /// clear.
   bool follow_leads(const QueryImage& query, size_t most_poses) {
     const size_t most = asked_.size() + options_.hypotheses_of_leads;
     for (const Ranked& lead : leads()) {
@@ -221,7 +226,8 @@ class Inquiry {
     return false;
   }
 
-  /// Counts it among the hypotheses of its place. It may be a rival of any that were believed.
+  /// Adds a hypothesis, counts it among those of its place, and judges all anew, as it may be a rival of any
+  /// that were believed.
   void add(PlaceHypothesis hypothesis) {
     for (PlaceHypothesis& before : hypotheses_) {
       if (!is_of_place(before.ranked.indexed(), before.candidate.map, hypothesis, options_.in_common))
@@ -238,8 +244,8 @@ class Inquiry {
     }
   }
 
-  /// Prefilters the keyframes that have not been asked about, until `most` have been in all. Those that show
-  /// something of the image wait for a closer look, most of it first.
+  /// Prefilters the keyframes that have not been examined, until `most` have been in all. Those of which some
+  /// matches are supported wait for a closer look, those with most first.
   void prefilter(std::span<const Ranked> ranked, size_t most) {
     for (const Ranked& r : ranked) {
       if (asked_.size() >= most) break;
@@ -258,7 +264,8 @@ class Inquiry {
                              [](const Prefiltered& g) { return g.prefilter.supported; });
   }
 
-  /// Looks closer at those that wait, until one is clear (true) or so many poses have been looked for in all.
+  /// Looks closer at the keyframes that wait, until one is clear (returns true) or `most_poses` poses have
+  /// been looked for in all.
   bool look_closer(size_t most_poses, Examine which = Examine::kOpenPlaces) {
     std::vector<Prefiltered> left;
     bool is_found = false;
@@ -276,7 +283,8 @@ class Inquiry {
     return is_found;
   }
 
-  /// Where a place is believed, more of its rivals are looked at than where none is.
+  /// Whether a keyframe is looked at closer, given how many poses have been looked for. Where a place is
+  /// believed, more of its rivals are looked at than where none is.
   [[nodiscard]] bool is_worth_while(const Prefiltered& g, size_t most_poses, Examine which) const {
     if (which == Examine::kAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
     const IndexedKeyframe& keyframe = g.ranked.indexed();
@@ -285,7 +293,8 @@ class Inquiry {
     return poses_ < most_poses + (is_any_believed() ? options_.more_for_rivals : 0);
   }
 
-  /// The first of those in order has the best pose that is found around it. Whether it is still confirmed.
+  /// Settles the first hypothesis: searches for the best pose around its own. Returns whether it is still
+  /// confirmed.
   bool settle_first() {
     PlaceHypothesis& first = hypotheses_.front();
     const Ranked& r = first.ranked;
@@ -310,7 +319,7 @@ class Inquiry {
   std::vector<CellList> cells_;
   std::vector<const IndexedKeyframe*> asked_;
   std::vector<Prefiltered> waiting_;  ///< for a closer look, the most promising first
-  size_t poses_ = 0;                  ///< that were looked for
+  size_t poses_ = 0;                  ///< number of poses that were looked for
   std::vector<PlaceHypothesis> hypotheses_;
   double most_similar_believed_ = -1;  ///< of those confirmed and not refused; -1: there is none
 };

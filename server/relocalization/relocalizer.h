@@ -15,8 +15,8 @@
 #include "server/relocalization/place_index.h"
 #include "server/relocalization/votes.h"
 
-/// Which map, where, and how sure. Pure and re-entrant: queries run on any threads at the
-/// same time.
+/// The relocalizer says in which map an image was taken, where, and how surely. It is pure and re-entrant:
+/// queries run on any threads at the same time.
 namespace cairn {
 
 /// How keyframes are ranked and answers made.
@@ -25,70 +25,84 @@ enum class RelocMethod : uint8_t {
   kImproved = 1,  ///< tiny images normalized for gain and words vote, geometry confirms
 };
 
-/// What sets the limits of the decision is in DECISION.md; the others bound the work of an answer. Those
-/// without a reason are chosen, not measured. Trials are run-look-alikes and run-reloc
-/// (tests/bench/HISTORY.md).
+/// The relocalizer's options. DECISION.md says what sets the limits of the decision; the other options bound
+/// the work of an answer, and those without a reason are chosen, not measured. Trials are run-look-alikes and
+/// run-reloc (tests/bench/HISTORY.md).
 struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
-  /// Keyframes that are prefiltered before the words are asked: the most similar by their tiny images.
+  /// Number of keyframes, the most similar by their tiny images, that are prefiltered before the words vote.
   int by_image_alone = 2;
-  /// Keyframes that are prefiltered by images and words, those included; then, where nothing is confirmed,
-  /// some neighbours of those that are half known. Geometry is asked about those of which most is seen.
+  /// Number of keyframes that are prefiltered by images and words, `by_image_alone` included. Geometry then
+  /// examines first those of which the prefilter sees most. An answer names no more candidates than this.
   int shortlist = 16;
-  /// kScan: the answer is the same whenever and wherever these maps are asked.
+  /// How the tiny images are searched. With kScan the answer is the same whenever and wherever these maps are
+  /// asked.
   ImageSearch search = ImageSearch::kForest;
-  /// Images that are scanned before a forest is planted, which finds more of them sooner (cairn-index-bench).
+  /// Number of images up to which all are scanned; with more a forest is planted, which finds them sooner
+  /// (cairn-index-bench).
   size_t most_scanned = 40'000;
   ForestOptions forest;
   ConfirmOptions confirm;
-  /// What a place that is confirmed must have before its rivals, which are places of other maps and others of
-  /// its own: its share of the corners found that none of them explains as something else,
+  /// Share of the corners found at a confirmed place that no rival explains as something else; with less the
+  /// place is refused. Rivals are keyframes of other maps, and of its own map where they explain corners
+  /// otherwise.
   double least_peculiar = 0.25;
-  /// and the corners that it explains, over those that any of them does.
+  /// Ratio of the corners that a confirmed place explains to those that any one rival does; with less it is
+  /// refused.
   double least_margin = 1.25;
-  /// Keyframes that show this place in part otherwise, over those that confirm it: so many refuse it.
+  /// A place is refused if, for each keyframe that confirms it, at least so many others show it in part
+  /// otherwise.
   int outvoted_by = 3;
-  /// [mean depths plus rad] poses in one map that are farther apart contradict each other.
+  /// [mean depths plus rad] Two poses in one map contradict each other if they are farther apart
+  /// (separation()).
   double same_pose = kSamePose;
-  /// Points; keyframes of a map that measured fewer in common are of different places.
+  /// Number of points that two keyframes of a map have to measure in common to be of one place.
   uint64_t in_common = 5;
-  /// Length of the two orders of merit that are fused. Where images or words are led astray (other light) the
-  /// place is far down in both, yet at a like rank.
+  /// Number of keyframes in each of the two rankings, by images and by words, that are fused. Where images or
+  /// words are led astray (other light) the place is far down in both, yet at a like rank.
   uint64_t fused = 128;
-  float fusion_damping = 60;  ///< of reciprocal rank fusion: Cormack et al., SIGIR 2009, with their constant
-  /// Poses: looking for one is most of what a closer look costs. By trials: with 8 or 10 no more answers are
-  /// right, and without the last two poses are farther off. So many are looked for in a search, so many more
-  /// where a place is believed, of its rivals, and then so many for the best pose there, unless the image
-  /// looks so similar from one of its keyframes.
+  /// Constant of reciprocal rank fusion, with the value of Cormack et al., SIGIR 2009.
+  float fusion_damping = 60;
+  /// Number of poses that a search looks for; looking for one is most of what a closer look costs. By trials:
+  /// with 8 or 10 no more answers are right.
   uint64_t most_poses = 6;
+  /// Number of further poses that a search looks for among the rivals of a place that it believes.
   uint64_t more_for_rivals = 3;
+  /// Number of poses that a search looks for at its end, to find a better pose of a place that it believes.
+  /// By trials: without them poses are farther off.
   uint64_t more_for_pose = 2;
+  /// Image similarity of a believed place from which on no better pose is looked for.
   double sure_similarity = 0.65;
-  /// So many keyframes of a place that has been confirmed are examined, those included that the prefilter
-  /// ruled out; then others are, which may look as much like it.
+  /// Number of keyframes of a confirmed place that are examined, those included that the prefilter ruled out.
+  /// After them other places have their turn, which may look as much like it.
   int hypotheses_of_place = 3;
-  /// Where nothing is confirmed, so many neighbours of each keyframe that is half known are prefiltered, and
-  /// so many in all.
+  /// Number of neighbours that are prefiltered for each lead where nothing is confirmed. A lead is a keyframe
+  /// whose matches support each other while too few agree on a pose.
   uint64_t neighbours_of_lead = 4;
+  /// Number of neighbours that are prefiltered for all leads together.
   uint64_t hypotheses_of_leads = 4;
-  /// Images that a query looks at: its words vote for keyframes of the maps of these.
+  /// Number of nearest images by which maps are selected: a query's words vote only for keyframes of the maps
+  /// that these images belong to.
   uint64_t images_near = kImagesNear;
   VoteOptions votes;
   OverlapOptions overlap;
 };
 
-/// What an operator may set: all that is no choice of a run, whose are the method and the search.
+/// Lists the options that an operator may set: all but the method and the search, which are choices of a run.
 [[nodiscard]] OptionList list_options(RelocOptions* options);
 
 /// Which maps a query is about.
 struct SearchScope {
-  /// Those that may be looked at. No others are searched, named in the answer, or rivals of what is.
+  /// Maps that may be looked at. No other map is searched, named in the answer, or a rival of a place in
+  /// these.
   MapSet maps = MapSet::all();
-  /// Of these, the ones that are searched before the others, which follow unless a place is clear; empty: all
-  /// at once. The paper's method, which has one answer and nothing that confirms it, goes by `maps` alone.
+  /// Maps among `maps` that are searched before the others, which follow unless a place is clear; empty: all
+  /// are searched at once. The paper's method, which has one answer and nothing that confirms it, ignores
+  /// this.
   std::vector<MapId> first = {};
 };
 
+/// Answers where in the maps of `index` an image was taken, with the most likely candidate first.
 /// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =
 /// alike (kImproved).
 [[nodiscard]] RelocalizationAnswer relocalize(const PlaceIndex& index, const Camera& camera,

@@ -14,15 +14,16 @@
 namespace cairn {
 namespace {
 
-/// What its rivals explain of an image for which another is confirmed.
+/// What the rivals of a confirmed place explain of the image.
 struct Rivalry {
   size_t most = 0;                 ///< corners that one of them explains
   std::vector<size_t> peculiar{};  ///< corners found that none of them explains
 };
 
-/// Another map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place
-/// that has changed every other map is one: the part that stands may be what they have in common. In the map
-/// itself whatever explains corners otherwise is one.
+/// Whether keyframes of `map` are rivals of the judged place. Another map of which any keyframe looks right
+/// is no rival: where maps overlap, both are right. Of a place that has changed every other map is one: the
+/// part that stands may be what they have in common. In the map itself whatever explains corners otherwise is
+/// one.
 bool is_rival(const MapId& map, const PlaceHypothesis& judged, std::span<const PlaceHypothesis> hypotheses) {
   if (map == judged.candidate.map || judged.said.changed) return true;
   return std::ranges::none_of(hypotheses, [&](const PlaceHypothesis& t) {
@@ -30,8 +31,8 @@ bool is_rival(const MapId& map, const PlaceHypothesis& judged, std::span<const P
   });
 }
 
-/// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
-/// that is judged lie elsewhere in the image, as far as a pose that contradicts it would put them.
+/// Corners, ascending, that a rival explains as something else. In the same map these are corners whose
+/// points the judged pose puts more than `same_pose` [rad] elsewhere in the image.
 std::vector<size_t> explained_otherwise(const PlaceHypothesis& rival, const PlaceHypothesis& judged,
                                         double same_pose) {
   const double least_cosine = std::cos(same_pose);
@@ -60,9 +61,9 @@ Rivalry compare_with_rivals(const PlaceHypothesis& confirmed, std::span<const Pl
   return rivalry;
 }
 
-/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
-/// aliasing of Cummins and Newman, IJRR 2008): believed is what has something to show of its own and explains
-/// clearly more than what it is not. Why it is not; nothing: it is.
+/// Says why a place is refused as common; nothing if it is not. What places have in common, the same desk,
+/// keyboard and carpet, speaks for none of them (the perceptual aliasing of Cummins and Newman, IJRR 2008): a
+/// place is believed if it has something to show of its own and explains clearly more than any rival.
 std::optional<std::string> find_why_common(const RelocOptions& options, const PlaceHypothesis& confirmed,
                                            std::span<const PlaceHypothesis> hypotheses) {
   const Rivalry rivalry = compare_with_rivals(confirmed, hypotheses, options.same_pose);
@@ -84,9 +85,10 @@ bool contradict(const PlaceHypothesis& a, const PlaceHypothesis& b, double same_
   return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > same_pose;
 }
 
-/// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
-/// with which corners in more cells of the image agree, or else more corners, stands, if nothing else
-/// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
+/// Says why a pose is refused because a wider one in its map contradicts it; nothing if none does. One of the
+/// two is about a part that has moved or about what is there more than once. The pose with which corners in
+/// more cells of the image agree, or else more corners, stands, if nothing else speaks against it; the other
+/// is refused in any case.
 std::optional<std::string> find_why_contradicted(const RelocOptions& options, const PlaceHypothesis& judged,
                                                  std::span<const PlaceHypothesis> hypotheses) {
   const auto extent = [](const PlaceHypothesis& t) {
@@ -101,9 +103,9 @@ std::optional<std::string> find_why_contradicted(const RelocOptions& options, co
                      judged.said.agreeing_cells);
 }
 
-/// Other keyframes by which the camera would be there as well, and which show something else in cells of the
-/// image: where these are so many, the one that does not is right by chance. Not asked of a place that has
-/// changed. Why a pose is not believed; nothing: it is.
+/// Says why a place is refused by other keyframes that put the camera there, too, but show something else in
+/// cells of the image; nothing if it is not. Where these are so many, the keyframe that agrees is right by
+/// chance. Never refuses a place that has changed.
 std::optional<std::string> find_why_outvoted(const RelocOptions& options, const PlaceHypothesis& judged,
                                              std::span<const PlaceHypothesis> hypotheses) {
   if (judged.said.changed) return std::nullopt;

@@ -9,19 +9,19 @@
 #include "server/relocalization/image_search.h"
 #include "server/relocalization/relocalizer.h"
 
-/// Whether a place that looks right by itself is believed, given all else that looks like it.
+/// Whether a place that is confirmed by itself is believed, given all others that look like it.
 namespace cairn {
 
-/// A keyframe that may show the place of the query, and what geometry says of that.
+/// A keyframe that may show the place of the query, and the result of its verification.
 struct PlaceHypothesis {
   Ranked ranked;
   PlaceCandidate candidate;
   Confirmation said;
-  double mean_depth = 0;        ///< of the keyframe
-  int hypotheses_of_place = 1;  ///< of its place, itself included
+  double mean_depth = 0;        ///< [map unit] of the keyframe
+  int hypotheses_of_place = 1;  ///< number of hypotheses of the same place, itself included
 };
 
-/// Points that both keyframes of one map measured, counted up to `enough`.
+/// Number of points that both keyframes of one map measured, counted up to `enough`.
 [[nodiscard]] size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b,
                                      size_t enough = std::numeric_limits<size_t>::max());
 
@@ -30,8 +30,8 @@ struct PlaceHypothesis {
 [[nodiscard]] bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map,
                                const PlaceHypothesis& hypothesis, size_t in_common);
 
-/// Why what looks right by itself is not believed, given all hypotheses, itself included;
-/// nothing: it is.
+/// Says why a place that is confirmed by itself is not believed, given all hypotheses, itself included;
+/// nothing if it is believed.
 [[nodiscard]] std::optional<std::string> find_why_refused(const RelocOptions& options,
                                                           const PlaceHypothesis& judged,
                                                           std::span<const PlaceHypothesis> hypotheses);

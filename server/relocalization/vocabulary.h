@@ -7,29 +7,29 @@
 
 #include "common/image/descriptor.h"
 
-/// What descriptors are compared by before they are compared with each other: Hamming space in cells, and
-/// each cell in words (a vocabulary tree of two levels: Nister and Stewenius, CVPR 2006). The same in every
-/// server: it is made with the program (make_vocabulary.cpp), of no recording and no map.
+/// The vocabulary by which descriptors are compared before they are compared with each other: Hamming space
+/// in cells, and each cell in words (a vocabulary tree of two levels: Nister and Stewenius, CVPR 2006). It is
+/// the same in every server: it is made with the program (make_vocabulary.cpp), of no recording and no map.
 namespace cairn {
 
 constexpr size_t kVocabularyCells = 256;
 constexpr size_t kWordsPerCell = 40;
 constexpr size_t kVocabularyWords = kVocabularyCells * kWordsPerCell;
 
-/// Centres.
+/// Centres of the cells and of the words.
 extern const std::array<Descriptor, kVocabularyCells> kCells;
 extern const std::array<Descriptor, kVocabularyWords> kWords;  ///< of cell c: [c * kWordsPerCell, ...)
 
 using CellId = uint8_t;
 using WordId = uint16_t;
 
-/// Cells in which the corner of a query is looked for. Its point lies in one of eight with 4/5 probability
-/// (78 % of 43 000 pairs), among 1/24 of the points.
+/// Number of cells in which the corner of a query is looked for. Its point lies in one of eight with 4/5
+/// probability (78 % of 43 000 pairs), among 1/24 of the points.
 constexpr size_t kProbedCells = 8;
 using CellList = std::array<CellId, kProbedCells>;
 
 [[nodiscard]] CellId cell_of(const Descriptor& descriptor);
-/// Nearest first; ties go to the lower index.
+/// The nearest cells of a descriptor, nearest first; ties go to the lower index.
 [[nodiscard]] CellList nearest_cells(const Descriptor& descriptor);
 /// The nearest word of one cell.
 [[nodiscard]] WordId word_in(CellId cell, const Descriptor& descriptor);

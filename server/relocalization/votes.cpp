@@ -30,7 +30,7 @@ std::vector<WordCount> words_of(const PlaceView& view, std::span<const CellList>
   return counts;
 }
 
-/// What each word's vote weighs, in whole units; 0: no keyframe shows it.
+/// Weight of each word's vote, in whole units; 0: no keyframe shows it.
 std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> words) {
   const auto keyframes = static_cast<double>(index.keyframe_count());
   std::vector<uint32_t> weights;
@@ -44,7 +44,7 @@ std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> 
   return weights;
 }
 
-/// What one word that a keyframe shows is worth to it by chance: the mean over all that keyframes show.
+/// Weight that a keyframe gets by chance for each word that it shows: the mean over all that keyframes show.
 float chance_of(const PlaceIndex& index, std::span<const WordCount> words,
                 std::span<const uint32_t> weights) {
   uint64_t sum = 0;

@@ -10,12 +10,12 @@
 namespace cairn {
 
 struct VoteOptions {
-  /// Nearest cells of a corner, of each of which it takes a word: the nearest alone has its point's word
-  /// seldom (13 % of 43 000 pairs).
+  /// Number of nearest cells of a corner, from each of which it votes by a word: the nearest cell alone has
+  /// its point's word seldom (13 % of 43 000 pairs).
   uint64_t cells = 3;
 };
 
-/// How much a keyframe's words speak for it.
+/// A keyframe and how much its words speak for it.
 struct Voted {
   float score = 0;
   const IndexedMap* map = nullptr;

@@ -16,7 +16,7 @@ class ReplyPage {
   explicit ReplyPage(std::initializer_list<const char*> lists);
   /// False: it is full, and so are all lists from then on.
   bool add(const char* list, const nlohmann::json& item);
-  /// As many as fit.
+  /// Adds as many items as fit.
   template <typename Item>
   void add_all(const char* list, const std::vector<Item>& items);
   [[nodiscard]] const nlohmann::json& content() const { return content_; }
@@ -26,7 +26,7 @@ class ReplyPage {
   size_t bytes_ = 0;
 };
 
-/// The data of a piece are not in it.
+/// The answer as JSON; the data of a piece are not in it.
 [[nodiscard]] nlohmann::json content_of(const told::Answer& answer);
 
 // The server and its maps.
@@ -44,7 +44,7 @@ class ReplyPage {
 [[nodiscard]] nlohmann::json describe(const told::Maps& maps);
 /// One that cannot be used is `damaged`, or `unreadable` when that may pass.
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
-/// With the first few reasons.
+/// Describes a damaged file with the first few reasons.
 [[nodiscard]] nlohmann::json describe(const told::DamagedSeen& damaged);
 [[nodiscard]] nlohmann::json describe(const UnloadedMap& map);
 

@@ -12,7 +12,7 @@ using nlohmann::json;
 
 namespace {
 
-/// Of the items of a page; the rest is for what frames them.
+/// Most bytes of the items of a page; the rest is for what frames them.
 constexpr size_t kMaxPageBytes = wire::kMaxAdminText - 1000;
 
 // What is too short to be described elsewhere.

@@ -138,7 +138,7 @@ const AdminVerb* find_admin_verb(const Verbs& verbs, std::string_view name) {
   return found == verbs.end() ? nullptr : &*found;
 }
 
-/// What it is about, for the audit log.
+/// The object that a request is about, for the audit log.
 std::string object_of(const json& request) {
   std::string object;
   for (const char* part : {"map", "tag", "name", "client", "proposal"}) {
@@ -156,7 +156,7 @@ std::string object_of(const json& request) {
   return object;
 }
 
-/// Not an object (`null`) where the text is none, or is nested without end.
+/// Parses a request. The result is no object (`null`) where the text is none, or is nested without end.
 json parse_request(const std::string& text) {
   bool is_deep = false;
   const auto keep = [&is_deep](int depth, json::parse_event_t, json&) {

@@ -116,7 +116,7 @@ struct Import {
 struct ImportBegin {
   std::string token;
 };
-/// What is written comes beside the text.
+/// A piece of an archive, whose data come beside the text.
 struct ImportWrite {
   std::string token;
   uint64_t offset = 0;
@@ -208,7 +208,7 @@ struct OfMap {
 };
 
 struct Unknown {};
-/// Of a verb that is known, without what it takes.
+/// A request whose verb is known, but which lacks what the verb takes.
 struct Unfit {
   Error why;
 };

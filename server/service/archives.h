@@ -31,7 +31,7 @@ class Archives {
   /// Error: there is none.
   [[nodiscard]] Result<told::Copy> hand_out(
       const std::function<Status(const std::filesystem::path& to)>& copy);
-  /// What nobody has touched for long goes.
+  /// Removes archives that nobody has touched for long.
   void expire();
 
  private:

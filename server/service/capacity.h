@@ -15,13 +15,13 @@ class Capacity {
  public:
   Capacity(const MapServiceOptions& options, const MapArray& maps) : options_(options), maps_(maps) {}
 
-  /// For another map.
+  /// Why there is no room for another map.
   [[nodiscard]] std::string why_full() const;
-  /// For another map that a client makes.
+  /// Why there is no room for another map that a client makes.
   [[nodiscard]] std::string why_maker_is_full(const std::string& client) const;
-  /// For another keyframe in a map.
+  /// Why there is no room for another keyframe in a map.
   [[nodiscard]] std::string why_map_is_full(const MapEntry& entry) const;
-  /// For growth that first takes so much memory `more`.
+  /// Why there is no room for growth that first takes so much memory `more` [bytes].
   [[nodiscard]] std::string why_memory_is_full(size_t more = 0) const;
   /// Memory that is free [bytes].
   [[nodiscard]] size_t free_bytes() const;

@@ -28,7 +28,8 @@ struct AnnouncedCamera {
   CameraPtr camera;
   std::optional<IntrinsicsPrior> prior;  ///< nothing: its values are exact
 
-  /// What the map makers want to know. `version`: which values of which client's camera these are.
+  /// The prior that map makers are told; nothing: the camera's values are exact. `version`: which values of
+  /// which client's camera these are.
   [[nodiscard]] std::optional<CameraPrior> prior_of(const CameraVersion& version) const;
 };
 
@@ -116,7 +117,8 @@ struct Client {
   SessionId intruder;            ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
   RateLimit camera_warning{};    ///< a peer may announce what is refused as often as it likes
-  /// What it may not do and tries all the same, as a tracker does with each keyframe: for the audit log.
+  /// Counts for the audit log what it may not do and asks for all the same, as a tracker does with each
+  /// keyframe.
   Repeats refused{std::chrono::hours(1)};
   Repeats seeds_refused{};        ///< for the server's log
   bool lockstep_refused = false;  ///< its session asked for it here, where there is none

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-/// Before what was decided, of which the oldest gives way.
+/// Puts a notice before the outcomes that were decided, of which the oldest gives way.
 void put_notice(wire::OfferOutcome notice, std::vector<wire::OfferOutcome>* recent) {
   if (recent->size() >= wire::kMaxOutcomes) recent->erase(recent->begin());
   recent->insert(recent->begin(), std::move(notice));

@@ -22,50 +22,52 @@ class Clients {
   Clients(const Clients&) = delete;
   Clients& operator=(const Clients&) = delete;
   struct Listener {
-    /// It is connected, and has been told its verdicts.
+    /// Called when a client is connected, and has been told its verdicts.
     std::function<void(Client& client)> came;
-    /// It has gone, or is not remembered any more.
+    /// Called when a client has gone, or is not remembered any more.
     std::function<void(const std::string& name)> left;
   };
-  /// Before anything else.
+  /// Sets the listener. To be called before anything else.
   void listen(Listener listener) { listener_ = std::move(listener); }
 
-  /// New, if nobody was called so; another that has long gone may be forgotten for it.
+  /// The client of this name: a new one, if nobody was called so. Another that has long gone may be forgotten
+  /// for it.
   [[nodiscard]] Client& of(const Principal& who);
-  /// Null: nobody is known by the name, or the id.
+  /// The client of this name, or this id; null: none is known.
   [[nodiscard]] Client* find(const std::string& name);
   [[nodiscard]] Client* find(ClientId id);
   [[nodiscard]] std::map<std::string, Client>& all() { return clients_; }
   [[nodiscard]] const std::map<std::string, Client>& all() const { return clients_; }
 
-  /// It listens, and is told what there is. And does so no more.
+  /// Notes that a client listens, and tells it what there is; and that it does so no more.
   void connect(const Principal& who);
   void disconnect(const Principal& who);
-  /// Those whose keys were revoked, all of them: what they have offered and nothing has judged yet is not
-  /// taken any more.
+  /// Sets the names of all clients whose keys were revoked: what they have offered and nothing has judged yet
+  /// is not taken any more.
   void turn_away(std::set<std::string> names);
   [[nodiscard]] const std::set<std::string>& turned_away() const { return turned_away_; }
   /// Writes into the audit log what a client has done.
   void note_done(const std::string& client, const std::string& action, const std::string& object) const;
-  /// Likewise, what it may not do: once, and then now and then with how often.
+  /// Writes into the audit log what a client may not do: once, and then now and then with how often.
   void note_refused(Client& client, const std::string& action, const std::string& object,
                     const std::string& why) const;
-  /// What was decided on before the server started: a client that sends it again is answered.
+  /// Takes over what was decided before the server started: a client that sends a command again is answered.
   void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
-  /// If it is connected. What cannot be told is logged, now and then.
+  /// Tells a client an event if it is connected. What cannot be told is logged, now and then.
   void tell(const Client& client, const ClientEvent& event) { (void)try_to_tell(client, event); }
-  /// Likewise, for who has to know whether it was told.
+  /// tell() for callers that have to know whether it was told.
   [[nodiscard]] Status try_to_tell(const Client& client, const ClientEvent& event);
-  /// All that are connected; with it, what a notice to another process has replaced.
+  /// Tells the status to all that are connected, and their verdicts again where a notice to another process
+  /// has replaced them.
   void tell_status(const wire::ServerStatus& status);
   void write_verdicts(Client& client);
-  /// What all of them have offered that no map has judged yet.
+  /// Size of what all clients have offered that no map has judged yet.
   [[nodiscard]] const WaitingBytes& waiting_bytes() const { return waiting_bytes_; }
 
  private:
   void forget_old(const std::string& keep);
-  /// Empty: it is.
+  /// Why the client is not served; empty: it is.
   [[nodiscard]] std::string why_not_served(const Client& client) const;
 
   const ServiceContext& context_;

@@ -9,9 +9,9 @@ namespace cairn {
 class Clock {
  public:
   virtual ~Clock() = default;
-  /// For leases, patience and intervals.
+  /// Time for leases, patience and intervals.
   [[nodiscard]] virtual MonotonicTime now() const = 0;
-  /// For what the records of the store are dated by.
+  /// Time by which the records of the store are dated.
   [[nodiscard]] virtual Timestamp wall() const = 0;
 };
 

@@ -56,7 +56,7 @@ class CommandGate {
   /// Whether `seq`, before which something is missing, is the lowest that the client sends, again and again:
   /// what lies before it has been decided then, whatever is known of that here.
   [[nodiscard]] bool is_lowest_wanted(uint64_t seq);
-  /// What was decided ahead and is no longer.
+  /// Takes in decisions that were ahead of others and are no longer.
   void close_ranks();
 
   SessionId session_;
@@ -79,7 +79,7 @@ class SeedGate {
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };
 
   void enter_session(SessionId session);
-  /// As CommandGate::resume(): the last seed that was accepted.
+  /// Takes up the last seed that was accepted before a restart, as CommandGate::resume() does.
   void resume(const wire::SeedVerdict& verdict);
   [[nodiscard]] Admission admit(uint64_t seq);
   /// The verdict on an admitted seed. True if it is still the newest one, that is, to be published.

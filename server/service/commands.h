@@ -29,7 +29,7 @@ class Commands {
   Commands(const Commands&) = delete;
   Commands& operator=(const Commands&) = delete;
 
-  /// Of the process that holds the name; of others they are passed over.
+  /// Takes a seed or an offer of the process that holds the client's name; those of others are passed over.
   void take(const Principal& who, wire::MapSeed message);
   void take(const Principal& who, wire::KeyframeOffer message);
 
@@ -46,12 +46,12 @@ class Commands {
                       const Result<SeedResult>& result, const MapSnapshotPtr& snapshot,
                       const Pending& pending);
   void let_maker_write(const std::string& client_name, MapId map, const std::function<void()>& then);
-  /// A map that is in the store by now, and of which nobody has been told.
+  /// Removes a map that is in the store by now, and of which nobody has been told.
   void take_out(MapId map);
   void on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
                        const Result<SeedResult>& result, const MapSnapshotPtr& snapshot);
 
-  /// To the map's queue, aside, or back to the client.
+  /// Passes an offer on to the map's queue, aside, or back to the client.
   void pass_on(Client& client, const AnnouncedCamera& camera, wire::KeyframeOffer message);
   /// Why an offer that is not set aside does not get to its map; nothing: it does.
   [[nodiscard]] Refusal refuse(const wire::KeyframeOffer& message, const MapEntry& entry,

@@ -14,7 +14,7 @@ using Task = std::function<void()>;
 /// Whether somebody waits for a task with a camera in the hand, or it can stand back for those.
 enum class Urgency : uint8_t { kNormal, kUrgent };
 
-/// Where tasks run: threads in a server (WorkerPool), the one thread of a simulation. Thread-safe.
+/// Runs tasks: on threads in a server (WorkerPool), on the one thread of a simulation. Thread-safe.
 class Executor {
  public:
   virtual ~Executor() = default;

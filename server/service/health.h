@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// What lies in a folder of damaged files, and the remedy. Empty when nothing does.
+/// Says how many damaged files lie in a folder, and the remedy. Empty when none does.
 [[nodiscard]] std::string word_of_damage(size_t files, const std::filesystem::path& folder);
 /// The first of them, and the remedy. Empty when there is none.
 [[nodiscard]] std::string word_of_unloaded(std::span<const UnloadedMap> maps);
@@ -26,14 +26,14 @@ class Health {
 
   /// "ok", or what is wrong, each with its remedy.
   [[nodiscard]] std::string words() const;
-  /// What has been set aside, and what could not be loaded: as they were when last looked for.
+  /// Files that have been set aside, and maps that could not be loaded, as they were when last looked for.
   [[nodiscard]] const std::vector<DamagedFile>& damaged() const { return damaged_; }
   [[nodiscard]] const std::vector<UnloadedMap>& unloaded() const { return unloaded_; }
-  /// That somebody has just looked for them.
+  /// Notes damaged and unloaded files that somebody has just looked for.
   void note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unloaded);
   /// Looks for them again, beside the store's writer: an operator may have taken something away.
   void look_again();
-  /// All maps of the store have been read.
+  /// Notes that all maps of the store have been read.
   void note_restored();
 
  private:

@@ -21,9 +21,9 @@ class HeldStrand : public std::enable_shared_from_this<HeldStrand> {
   void submit(Task task);
   /// Calls `then` on the executor, in its turn.
   void hold(std::function<void(Hold hold)> then);
-  /// By who has the hold: at once, or behind what it has submitted before.
+  /// Submits a task of who has the hold: it runs at once, or behind what that one has submitted before.
   void submit_within(const Hold& hold, Task task);
-  /// As the executor's.
+  /// Stops the strand, as Executor::stop() stops an executor.
   void stop();
 
  private:

@@ -32,7 +32,7 @@ Value value_of(std::future<Value> future) {
   return future.get();
 }
 
-/// What `ask` passes on to the callback that it is given.
+/// Waits for the value that `ask` passes to the callback that it is given, and returns it.
 template <typename Value>
 Value answer_to(const std::function<void(std::function<void(Value)>)>& ask) {
   auto promise = std::make_shared<std::promise<Value>>();
@@ -50,14 +50,14 @@ inline wire::ImageMessage raw(const GrayImage& image) {
   return message;
 }
 
-/// Where a view of the scene was taken, by what a tracker would send of it.
+/// The query that a tracker would send of a view of the scene: where was it taken?
 inline RelocalizationQuery query(const CameraPtr& camera, const GrayImage& image) {
   Pyramid pyramid;
   pyramid.build(image.view());
   return {camera, describe_place(pyramid, detect_corners(pyramid)), {}, true};
 }
 
-/// What is begun on an executor stays there until this goes, or release().
+/// Blocks an executor: the task that it submits ends when the blocker goes, or at release().
 class Blocker {
  public:
   using Submit = std::function<void(std::function<void()> task)>;
@@ -136,11 +136,11 @@ class KeptMap {
   }
   OfferJudgement offer(const KeyframeInput& input) { return value_of(send(input)); }
 
-  /// What was begun on the queue, and what that has posted to it, has come to its end.
+  /// Waits until what was begun on the queue, and what that has posted to it, has come to its end.
   void settle_queue() {
     for (int i = 0; i < 3; ++i) (void)answer_to<MapMeasures>([this](auto done) { runner_->measure(done); });
   }
-  /// So has what was handed to the writer.
+  /// Waits until the writer has done what was handed to it.
   void settle_writer() {
     (void)answer_to<bool>([this](auto done) { store_->run([done](Store&) { done(true); }); });
   }
@@ -160,8 +160,8 @@ class KeptMap {
     return std::make_unique<Blocker>([this](auto task) { store_->run([task](Store&) { task(); }); });
   }
   void ask_to_evict() { runner_->evict_images({newest().snapshot->epoch, newest().snapshot->revision}); }
-  /// All kept, and then all images evicted. Asked again, as a server asks: a save whose time comes between
-  /// the two looks is a reason to wait.
+  /// Waits until all is kept and all images are evicted. It asks again, as a server does: a save whose time
+  /// comes between the two looks is a reason to wait.
   void evict() {
     const auto is_done = [this] { return without_images() == newest().statistics.keyframes; };
     const auto deadline = std::chrono::steady_clock::now() + kDeadline;
@@ -173,7 +173,7 @@ class KeptMap {
     EXPECT_TRUE(is_done()) << without_images() << " of " << newest().statistics.keyframes;
   }
 
-  /// By another program, or by the disk.
+  /// Damages the map's file, as another program or the disk may.
   void damage(const std::string& sql) const {
     const Status done = open_file().execute(sql);
     ASSERT_TRUE(done) << done.error().message;
@@ -198,7 +198,7 @@ class KeptMap {
     return folder_ / "maps" / (to_hex(id().bytes) + ".cairnmap");
   }
 
-  /// As by a server that ends and starts again. With a store of its own.
+  /// Restores the map, as a server does that ends and starts again. With a store of its own.
   void restart() {
     end_work();
     runner_->save_last_changes();
@@ -294,7 +294,7 @@ class IdleMapTest : public testing::KeptMapFixture {
     EXPECT_TRUE(made) << made.error().message;
     return map;
   }
-  /// With a store of its own.
+  /// Starts a map with a store of its own.
   [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& name = "map") {
     return start_map(name, open_store(name), header_.id);
   }

@@ -28,7 +28,7 @@ bool noticeably_differ(const SE3& told, const SE3& now, const KeyframePose& seen
          now.rotation().angularDistance(told.rotation()) > kNoticeableTurn;
 }
 
-/// With its keyframe, if that is still there; else null.
+/// Moves a label with its keyframe. Returns the keyframe; null if it is not there any more.
 const KeyframePose* ride(const MapSnapshot& map, LabelRecord* label) {
   const KeyframePose* keyframe = map.find(label->anchor);
   if (keyframe != nullptr)
@@ -36,7 +36,7 @@ const KeyframePose* ride(const MapSnapshot& map, LabelRecord* label) {
   return keyframe;
 }
 
-/// To the keyframe that is nearest; false for a map without any.
+/// Anchors a label at the keyframe that is nearest. False for a map without any.
 bool anchor(const MapSnapshot& map, LabelRecord* label) {
   const KeyframePose* nearest = map.nearest_keyframe(label->map_from_label.translation());
   if (nearest == nullptr) return false;

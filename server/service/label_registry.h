@@ -15,7 +15,7 @@
 
 namespace cairn {
 
-/// As it is told.
+/// The label of a record, as clients are told of it.
 [[nodiscard]] Label label_of(const LabelRecord& record);
 
 /// The labels of one map. Each sticks to a keyframe, the one that it was pointed at from, and so rides on
@@ -23,7 +23,7 @@ namespace cairn {
 /// first and takes effect when it has been kept. Pure. Used from one thread.
 class LabelRegistry {
  public:
-  /// What came of a request.
+  /// The outcome of a request.
   struct Judgement {
     wire::RequestDecision decision = wire::RequestDecision::kDone;
     std::string reason;                  ///< of a refusal, for a person
@@ -51,10 +51,10 @@ class LabelRegistry {
   /// Moves the labels with their keyframes.
   [[nodiscard]] Moves follow(const MapSnapshot& map);
 
-  /// As in the revision followed last. Nothing: no such label.
+  /// A label as in the revision followed last; nothing: there is no such label.
   [[nodiscard]] std::optional<Label> find(LabelId label) const;
   [[nodiscard]] std::vector<Label> all() const;
-  /// No label had a greater id yet.
+  /// The greatest id that a label has had.
   [[nodiscard]] LabelId last_given() const { return LabelId{last_id_}; }
 
  private:

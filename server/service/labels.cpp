@@ -15,8 +15,8 @@ std::string why_not_allowed(const Ruling& ruling, const wire::ClientRequest& req
   return !label || label->author == author.name ? std::string() : ruling.reason;
 }
 
-/// Where the label of a request is or is to be, in the map; nothing: it cannot be told, and the request is
-/// refused for that.
+/// Position in the map of the label that a request is about, as it is or is to be; nothing if it cannot be
+/// told, for which the request is refused.
 std::optional<Eigen::Vector3d> place_of(const wire::ClientRequest& request, const MapEntry& entry) {
   if (request.action != wire::RequestAction::kAddLabel) {
     const std::optional<Label> label = entry.labels.find(request.label);
@@ -35,7 +35,7 @@ std::string why_outside(const Ruling& ruling, const wire::ClientRequest& request
                                                     : outside(*ruling.extent, "the label", *place);
 }
 
-/// What an entry of the audit log calls it.
+/// Name of a request's action in the audit log.
 std::string action_of(wire::RequestAction action) {
   if (action == wire::RequestAction::kAddLabel) return "label place";
   return action == wire::RequestAction::kRenameLabel ? "label rename" : "label remove";

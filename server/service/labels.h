@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Labels: what people ask for, on its way to the store and to all who read the map. Used from the service's
+/// Labels: takes what people ask for to the store and to all who read the map. Used from the service's
 /// thread.
 class Labels {
  public:
@@ -21,19 +21,19 @@ class Labels {
   Labels(const Labels&) = delete;
   Labels& operator=(const Labels&) = delete;
 
-  /// What a client asks for, of the process that holds the name; of others it is passed over.
+  /// Takes a request of the process that holds the client's name; those of others are passed over.
   void take(const Principal& who, const wire::ClientRequest& request);
-  /// Somebody wants a label added, renamed or removed; `done` is called when it is durable or refused. The
-  /// label must not be busy. `decision`: kept along with it.
+  /// Adds, renames or removes a label; `done` is called when it is durable or refused. Precondition: the
+  /// label is not busy. `decision`: kept along with it.
   void change(const wire::ClientRequest& request, const Principal& author,
               std::optional<DecisionRecord> decision, const Done& done);
-  /// To all who read the map: as it is now, or that it is not.
+  /// Tells all who read the map a label as it is now, or that it is gone.
   void tell(MapId map, const MapEntry& entry, LabelId id);
-  /// The map has another revision, and its labels move with the keyframes.
+  /// Moves the labels with the keyframes, as the map has another revision.
   void follow(MapId map, MapEntry& entry);
 
  private:
-  /// For the audit log.
+  /// Notes what came of a request in the audit log.
   void note(const std::string& client_name, const wire::ClientRequest& request,
             const LabelRegistry::Judgement& judgement, const std::string& old_text);
   void on_decided(const std::string& client_name, const wire::ClientRequest& request,

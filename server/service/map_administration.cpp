@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-/// Those that an operator may mean by a name or an id, the latest deleted first.
+/// Deleted maps that an operator may mean by a name or an id, the latest deleted first.
 std::vector<DeletedMap> deleted_maps_called(const Store& store, const std::string& name_or_id) {
   std::vector<DeletedMap> maps = store.deleted_maps();
   std::erase_if(maps, [&](const DeletedMap& m) {

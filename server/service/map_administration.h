@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// To who asks of a map that is fed from outside.
+/// Refusal of requests about a map that is fed from outside.
 inline constexpr const char* kMadeElsewhere = "this map is made elsewhere";
 
 /// What operators do to maps: they are called otherwise, deleted, put back, and removed for good. The store's
@@ -33,15 +33,16 @@ class MapAdministration {
   void remove(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer);
   void undelete(const std::string& wanted, const AdminAnswer& answer);
   void purge(const std::string& wanted, const AdminAnswer& answer);
-  /// To a request about a map that is not in service: one that is deleted is told from one that nobody knows.
+  /// Answers a request about a map that is not in service: one that is deleted is told from one that nobody
+  /// knows.
   void answer_without_map(const std::string& verb, const std::string& wanted, const AdminAnswer& answer);
 
   /// Deletes what nobody will miss (YoungMaps), as an operator would.
   void drop_dead(MonotonicTime now);
-  /// What was deleted long ago. With a store only.
+  /// Purges what was deleted long ago. With a store only.
   void purge_old();
-  /// Beside the writer: a map that has just come (back) into the store; `undo` takes it out again if it
-  /// cannot be served, or not be called as it must.
+  /// Puts a map into service that has just come (back) into the store; beside the writer. `undo` takes it out
+  /// again if it cannot be served, or not be called as it must.
   void take_in(MapId id, MapOpening::Undo undo, const AdminAnswer& answer);
 
  private:

@@ -26,7 +26,7 @@ class OfferTimes {
  public:
   void note(std::chrono::nanoseconds wait, bool accepted);
   [[nodiscard]] uint64_t accepted() const { return accepted_; }  ///< since the map is served
-  /// Of the last waits [ms], a quantile; nothing where there were none.
+  /// A quantile of the last waits [ms]; nothing where there were none.
   [[nodiscard]] std::optional<double> wait_ms(double quantile) const;
 
  private:
@@ -59,44 +59,44 @@ struct MapEntry {
   size_t bytes_published = 0;            ///< of the snapshot's points
 };
 
-/// To who asks anything of a map meanwhile.
+/// Refusal of requests about a map of which another state is about to take its place.
 inline constexpr const char* kRollingBack = "another state of the map is about to take its place; try again";
 
 /// Memory that a map takes as it is served [bytes]: the map maker's (without images while it is idle and has
 /// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);
 
-/// What an offer to it adds to that before its own: its images, while it is idle.
+/// Memory [bytes] that an offer to a map adds before its own: the map's images, while it is idle.
 [[nodiscard]] size_t bytes_to_page_in(const MapEntry& entry);
 
-/// Whether its images have been evicted.
+/// Whether the map's images have been evicted.
 [[nodiscard]] bool is_idle(const MapEntry& entry);
 
 /// The maps by id. Used from one thread.
 class MapArray {
  public:
-  /// As MapIds.
+  /// Arguments are those of MapIds.
   explicit MapArray(uint64_t seed, const std::function<uint32_t()>& entropy = {}) : ids_(seed, entropy) {}
 
   [[nodiscard]] MapIds& ids() { return ids_; }
   [[nodiscard]] const MapNames& names() const { return names_; }
 
-  /// In place of the one that has the id.
+  /// Adds a map, in place of the one that has the id.
   MapEntry& add(MapId map, MapEntry entry);
-  /// The id of one that has been shown is not given to another.
+  /// Removes a map. The id of one that has been shown is not given to another.
   void remove(MapId map);
-  /// Its newest revision.
+  /// Sets the newest revision of a map.
   void show(MapEntry* entry, MapSnapshotPtr snapshot, MapStatistics statistics);
   void measured(MapEntry* entry, MapStatistics statistics);
   void begin_offer(MapEntry* entry);
   void end_offer(MapEntry* entry);
-  /// It is about to be called so, and nobody else is; end_renaming() must follow.
+  /// Reserves a name that the map is about to have, and no other gets; end_renaming() must follow.
   void begin_renaming(MapEntry* entry, const std::string& name);
-  /// `kept`: it is called so from now on; else as before.
+  /// Ends a renaming. `kept`: the map has the new name from now on; else the old one.
   void end_renaming(MapEntry* entry, bool kept);
   [[nodiscard]] MapEntry* find(MapId map);
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
-  /// Those that have been made.
+  /// Number of maps that have been made.
   [[nodiscard]] size_t live_count() const;
   [[nodiscard]] size_t idle_count() const;
   /// Memory of all maps, as they were last published. Costs nothing.
@@ -119,7 +119,7 @@ class MapArray {
 /// One that has been shown, by its name or id. Null: there is none.
 [[nodiscard]] std::pair<MapId, MapEntry*> find_called(MapArray& maps, const std::string& name_or_id);
 
-/// What a client that has this right is told of a map that has been made.
+/// The message that a client with this right gets about a map that has been made.
 [[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right);
 
 }  // namespace cairn

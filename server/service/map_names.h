@@ -19,10 +19,11 @@ class MapIds {
   explicit MapIds(uint64_t seed, const std::function<uint32_t()>& entropy = {});
 
   [[nodiscard]] MapId next();
-  /// For a seed in lockstep: without a seed of our own, a digest of what the tracker saw (its times and
-  /// trails), so that runs on fresh servers are equal to the byte. Another one if that is taken.
+  /// The id of a map that a seed in lockstep makes: without a seed of our own, a digest of what the tracker
+  /// saw (its times and trails), so that runs on fresh servers are equal to the byte. Another one if that is
+  /// taken.
   [[nodiscard]] MapId repeatable(const wire::MapSeed& seed);
-  /// The id of a map that was deleted and may come back is not given to another.
+  /// Reserves the id of a map that was deleted and may come back: it is not given to another.
   void reserve(MapId map) { reserved_.insert(map); }
   void take(MapId map) { in_use_.insert(map); }
   void give_back(MapId map) { in_use_.erase(map); }

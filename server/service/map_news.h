@@ -19,18 +19,19 @@ class MapNews {
   MapNews(const MapNews&) = delete;
   MapNews& operator=(const MapNews&) = delete;
 
-  /// To a client that has just come: all of them.
+  /// Tells a client that has just come of all maps.
   void tell_newcomer(Client& client);
-  /// To all clients: what the map is called, and so on.
+  /// Tells all clients what the map is called, and so on.
   void tell(MapId map, const MapEntry& entry);
-  /// The map has another revision: what is told of it, soon; of cameras before the revision that names them.
+  /// Notes that the map has another revision: what is told of it follows soon; of cameras before the revision
+  /// that names them.
   void note_revised(MapId map, const MapEntry& entry);
-  /// The map is not there any more.
+  /// Tells all clients that the map is not there any more.
   void tell_gone(MapId map);
-  /// What has changed since it was told, and what could not be written.
+  /// Tells what has changed since it was told, and what could not be written.
   void tell_due();
-  /// Rights have changed: what a client may no longer read is taken from it at once, and what it may read
-  /// now is offered.
+  /// Follows a change of rights: what a client may no longer read is taken from it at once, and what it may
+  /// read now is offered.
   void tell_by_rights(Client& client);
 
  private:

@@ -13,12 +13,13 @@ namespace cairn {
 namespace {
 
 constexpr size_t kDeletedRemembered = 64;  ///< maps
-/// Of each: as many as all clients may have in flight. A client knows what came of commands before these; if
-/// it does not, it is told that the map is not there. A seed, which would be made again, is among these.
+/// Number of decisions that are remembered of each deleted map: as many as all clients may have in flight. A
+/// client knows what came of commands before these; if it does not, it is told that the map is not there. A
+/// seed, which would be made again, is among these.
 constexpr int64_t kDecisionsRemembered = 2 * kMaxClients * OfferGate::kCredit;
 static_assert(OfferGate::kCredit == RequestGate::kCredit);
 
-/// Of a map maker without images: for the index.
+/// Keyframe views, for the index, of a map maker without images: these are taken from `images`.
 std::vector<KeyframeView> views_with_images(const MapMaker& maker, const std::vector<ImageRecord>& images) {
   std::vector<KeyframeView> views = maker.keyframe_views();
   for (KeyframeView& view : views) {

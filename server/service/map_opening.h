@@ -33,7 +33,7 @@ struct RestoredMap {
   IndexedMapPtr indexed;  ///< its part of the place index, as it is now
 };
 
-/// Of maps from the store that have nothing to do.
+/// What becomes of the images of maps from the store that have nothing to do.
 [[nodiscard]] constexpr RestoredImages restored_images(std::chrono::seconds idle_after) {
   return idle_after.count() > 0 ? RestoredImages::kEvicted : RestoredImages::kStay;
 }
@@ -45,7 +45,7 @@ struct RestoredMap {
 /// loaded is set aside or left alone, and named. Thread-safe.
 class MapOpening {
  public:
-  /// What it works with; all outlives it.
+  /// Store, threads and log that it works with; all outlive it.
   struct With {
     Store& store;
     std::function<void(std::function<void(Store& store)> task)> run;  ///< in the writer's turn
@@ -56,7 +56,7 @@ class MapOpening {
   MapOpening(const MapOpening&) = delete;
   MapOpening& operator=(const MapOpening&) = delete;
 
-  /// As Store::damaged_files().
+  /// The result of Store::damaged_files().
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return with_.store.damaged_files(); }
   /// Maps that could not be loaded, or put into their place (Store::unplaced()), while their files lie where
   /// they were. Looks at the folder.
@@ -66,20 +66,20 @@ class MapOpening {
   /// Store::decisions_on_deleted(), of so many that a start does not take long.
   [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted() const;
 
-  /// All maps of the store, shared out by `parallel`, each under a new epoch. One that is damaged is set
-  /// aside (logged with file, rows and where the copy is) and replaced by what could be saved of it, if
+  /// Restores all maps of the store, shared out by `parallel`, each in a new epoch. One that is damaged is
+  /// set aside (logged with file, rows and where the copy is) and replaced by what could be saved of it, if
   /// anything. One that cannot be loaded for other reasons (a newer version, the disk, memory) is left alone:
   /// it is one of unloaded(). To be called once, before anything else.
   [[nodiscard]] std::vector<RestoredMap> restore(const OpeningOptions& options, const Parallel& parallel,
                                                  RestoredImages images = RestoredImages::kStay);
 
-  /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_on_strand()). If
-  /// it cannot be loaded, `undo` takes it back to where it was: nothing has happened then. `done` is called
-  /// by the writer.
+  /// Restores one map, after Store::undelete() or import_map(): to be called by the other thread
+  /// (run_on_strand()). If it cannot be loaded, `undo` takes it back to where it was: nothing has happened
+  /// then. `done` is called by the writer.
   using Undo = Status (Store::*)(MapId map);
   void restore_one(MapId map, const OpeningOptions& options, RestoredImages images, Undo undo,
                    std::function<void(Result<RestoredMap>)> done);
-  /// The same for one that was loaded and cannot be served after all, for this reason: by the writer.
+  /// Takes a map back that was loaded and cannot be served after all, for this reason: by the writer.
   void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
 
   /// Puts another state in place of a map's, which hands in nothing meanwhile. `change` does so beside the
@@ -100,7 +100,8 @@ class MapOpening {
   [[nodiscard]] static Loaded make_ready(MapId map, Result<StoredMap> stored, const OpeningOptions& options,
                                          RestoredImages images);
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
-  /// Of a map that cannot be loaded and has been there: out of the way if it is damaged, else left alone.
+  /// Parts with a map that cannot be loaded and has been there: sets it aside if it is damaged, else leaves
+  /// it alone.
   void part_with(const Loaded& failed);
   void forget_unloaded(MapId map);
 

@@ -119,7 +119,7 @@ std::optional<MonotonicTime> MapPersistence::work() {
   return next;
 }
 
-/// Those that are due at first: what they put off to this moment has its turn next.
+/// Runs the tasks that are due at first: what these put off to this moment has its turn next.
 void MapPersistence::run_due(MonotonicTime now) {
   std::unique_lock lock(mutex_);
   const auto is_due = [&](const Later& task) { return task.due <= now; };
@@ -147,7 +147,7 @@ void MapPersistence::carry_out() {
   batch_.clear();
 }
 
-/// Those of `jobs` that are of the map; the first is one. Nothing is written twice where a turn fails
+/// Writes those of `jobs` that are of the map; the first is one. Nothing is written twice where a turn fails
 /// between.
 void MapPersistence::write_group(MapId map, std::span<Job> jobs) {
   if (Job& first = jobs.front(); first.creation && !first.outcome) {

@@ -41,7 +41,7 @@ class MapPersistence {
   static constexpr std::chrono::seconds kSaveDelay{2};
   static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
-  /// What it works with. The clock is that of the turns.
+  /// Clock, threads and strand that the persistence works with. The clock is that of the turns.
   struct Runtime {
     std::shared_ptr<const Clock> clock;
     std::unique_ptr<Turns> writer;
@@ -73,16 +73,17 @@ class MapPersistence {
   void write(MapId map, MapUpdate update, Done done);
   /// Anything else to be done with the store, in its turn. A task that throws is logged and ends alone.
   void run(std::function<void(Store& store)> task);
-  /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
-  /// maps are being written; dropped at the end.
+  /// Runs a task that takes seconds and leaves open maps alone (archives, deleted maps), one after another,
+  /// while maps are being written; dropped at the end.
   void run_on_strand(std::function<void(Store& store)> task);
-  /// Waits for all that: `then` is called by that thread, and nothing else begins there while its `place`
-  /// lives. For what a map is stopped for: it is stopped after the wait.
+  /// Waits for all tasks of the strand: `then` is called by its thread, and nothing else begins there while
+  /// its `place` lives. For work for which a map is stopped: it is stopped after the wait.
   void hold_strand(std::function<void(HeldStrand::Hold place)> then);
-  /// What takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the end.
+  /// Runs a task that takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the
+  /// end.
   void run_examination(std::function<void(const std::filesystem::path& folder)> task);
-  /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
-  /// long each time, two minutes at most.
+  /// Delay before the next attempt at what failed for reasons of one map's own, after so many failures in a
+  /// row: twice as long each time, two minutes at most.
   [[nodiscard]] static std::chrono::seconds delay_after(int failures);
   /// Runs `task` on the writer's thread after a time; dropped at the end.
   void later(std::function<void()> task, std::chrono::milliseconds delay = kSaveDelay);

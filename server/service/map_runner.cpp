@@ -243,7 +243,8 @@ OfferJudgement MapRunner::ended() const {
   return {wire::OfferDecision::kStale, "another state of the map has taken its place", {}, {}};
 }
 
-/// Where it was tracked while the client was cut off: false when the frame before it is not in the map.
+/// Refers an offer that was tracked while the client was cut off to a keyframe of the map, by the frame
+/// before it. False if that frame is not in the map.
 bool MapRunner::refer_to_earlier(OfferJob* job) const {
   const OfferChain::Link* link =
       chain_.find(job->origin.client, job->origin.command.session, job->reference_command);

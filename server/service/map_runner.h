@@ -78,10 +78,10 @@ struct OfferJudgement {
 /// Grey image of a message, or why not (size other than stated, not an image).
 [[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
 
-/// What takes a look at all of a map.
+/// Measures of a map that take a look at all of it.
 struct MapMeasures {
   double reprojection_rms = 0;  ///< as MapMaker::reprojection_rms()
-  /// Those that took its keyframes, and how many each took.
+  /// Cameras that took its keyframes, and how many each took.
   std::vector<std::pair<CameraParameters, size_t>> cameras;
 };
 
@@ -100,9 +100,10 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   };
   struct Listener {
     std::function<void(MapRevision revision)> changed;
-    /// Its work has failed, or its file: it is served as last published and takes nothing any more.
+    /// Called when the map's work has failed, or its file: it is served as last published and takes nothing
+    /// any more.
     std::function<void(std::string why)> frozen;
-    /// Its images have been evicted, or paged in.
+    /// Called when the map's images have been evicted, or paged in.
     std::function<void(MapStatistics now)> paged = {};
   };
   /// `snapshot` is null when the seed was refused.
@@ -115,7 +116,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
   /// Makes the map, unless the seed is withdrawn meanwhile; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
-  /// Takes up a map from the store; to be called once, before anything else. Its first revision.
+  /// Takes up a map from the store, and returns its first revision. To be called once, before anything else.
   [[nodiscard]] MapRevision resume(RestoredMap restored);
   /// Goes on with the work that was due.
   void go_on();
@@ -125,20 +126,20 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     stopping_ = true;
     queue_.close();
   }
-  /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
-  /// wait.
+  /// Ends the map's work as soon as possible since it has been deleted; what waits is answered with that.
+  /// Does not wait.
   void retire();
-  /// What has changed, and all that was handed in before, is durable; or why it is not.
+  /// Called when what has changed, and all that was handed in before, is durable, or with why it is not.
   using Kept = std::function<void(const Status& kept)>;
   /// Another state of the map is about to take its place: as flush(). From then on it takes nothing and hands
   /// in nothing; offers are answered as stale.
   void give_way(Kept then);
-  /// Nothing has taken its place: it goes on.
+  /// Goes on with the map, as nothing has taken its place.
   void go_on_after_all();
   /// Evicts the images when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// images the place index has; else nothing happens. With a store only. Does not wait.
   void evict_images(std::pair<Epoch, Revision> indexed);
-  /// `done` gets them of the map as it is.
+  /// Takes measures of the map as it is; `done` gets them.
   void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
   void rename(std::string name, std::function<void(Status kept)> done);
@@ -150,13 +151,13 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
  private:
   static constexpr const char* kDeleted = "the map was deleted";
-  /// What offers are answered when the map has gone or given way.
+  /// The answer to offers when the map has gone or given way.
   [[nodiscard]] OfferJudgement ended() const;
   [[nodiscard]] bool has_ended() const { return deleted_ || replaced_; }
   [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
   [[nodiscard]] bool refer_to_earlier(OfferJob* job) const;
   [[nodiscard]] OfferJudgement judge(OfferJob job, MonotonicTime arrival);
-  /// MapMaker::step(), counted.
+  /// Runs MapMaker::step(), and counts its work.
   StepReport step(const std::function<bool()>& should_yield);
   /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map. Whether it came
   /// to its end.
@@ -177,20 +178,21 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   [[nodiscard]] bool may_evict(const std::pair<Epoch, Revision>& indexed) const;
   /// Whether the next step of its work needs images that have been evicted.
   [[nodiscard]] bool needs_images() const;
-  /// Then calls `then`, on the queue, whatever has happened: when they can never be had, the map is frozen.
-  /// What may pass (a busy disk, no memory) is waited for. An exception: nothing has been done.
+  /// Pages in evicted images, then calls `then` on the queue, whatever has happened: when they can never be
+  /// had, the map is frozen. What may pass (a busy disk, no memory) is waited for. An exception: nothing has
+  /// been done.
   void page_in(std::function<void()> then);
   using Continuations = std::shared_ptr<std::vector<std::function<void()>>>;
   using ImageRows = Result<std::vector<ImageRow>>;
-  /// Runs a part of that; unless it says that another one is under way, it was the last.
+  /// Runs a part of page_in(); unless it says that another one is under way, it was the last.
   void read_on(const Continuations& waiting, const std::function<bool()>& part);
   [[nodiscard]] bool read_next_images(const Continuations& waiting);
-  /// From rows[next] on.
+  /// Pages in the images of rows[next] and later ones.
   [[nodiscard]] bool page_in_images(const std::shared_ptr<const ImageRows>& rows, size_t next,
                                     const Continuations& waiting);
   [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
   void end_reading(const Continuations& waiting);
-  /// An offer of a chain, until those before it are in the map.
+  /// An offer of a chain, which waits until those before it are in the map.
   struct WaitingOffer {
     OfferJob job;
     MonotonicTime arrival;
@@ -205,12 +207,12 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   // Into the store (map_keeping.cpp).
   void keep_seed(const SeedJob& job, const SeedResult& result, const SeedDone& done);
   void keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done);
-  /// On the writer's thread: what was handed in is not kept.
+  /// Called on the writer's thread when what was handed in is not kept.
   void on_not_kept(const Error& error);
   void save_soon();
   void save();
   void hand_over(const Kept& then);
-  /// By the writer.
+  /// Called by the writer when a save has ended.
   void on_saved(const Status& kept);
   [[nodiscard]] MapUpdate take_update();
 

@@ -32,15 +32,15 @@ class MapService {
   void stop();
   /// Hands what has changed in all maps to the store. After stop(), when the executors have ended.
   void save_last_changes();
-  /// What is due by time; when the next is, next_tick() says.
+  /// Does what is due by time; next_tick() says when the next is.
   void tick(MonotonicTime now);
   [[nodiscard]] MonotonicTime next_tick() const { return next_tick_; }
 
   /// The clients, as they come and go.
   [[nodiscard]] Clients& clients() { return clients_; }
-  /// What the processes that speak for them say of themselves and of their cameras.
+  /// The sessions of the processes that speak for clients, and their cameras.
   [[nodiscard]] Sessions& sessions() { return sessions_; }
-  /// What readers are sent; all() is thread-safe.
+  /// The maps as readers are sent them; all() is thread-safe.
   [[nodiscard]] const PublishedMaps& maps() const { return maps_.published(); }
 
   /// Commands and queries, of the process that holds the name; of others they are passed over.

@@ -46,17 +46,18 @@ class MapVersions {
   void take(const Meant& map, const asked::Copy& ask, const AdminAnswer& answer);
   void take(const Meant& map, const asked::Contributors& ask, const AdminAnswer& answer);
   void take(const Meant& map, const asked::DropContributor& ask, const AdminAnswer& answer);
-  /// Of the map as it is now.
+  /// A tag of the map as it is now.
   [[nodiscard]] MapTag tag_now(const Meant& map, const std::string& name) const;
   /// Why there is no room for what was tagged; empty where there is.
   [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;
-  /// The map is served from another state of its file in a new epoch, or nothing has happened.
+  /// Changes a map's file to another state, from which it is served in a new epoch, or nothing has happened.
   using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
   void change_state(MapId id, ChangeOfState change, const AdminAnswer& answer);
   void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldStrand::Hold place,
                              const AdminAnswer& answer);
   void replace(ResumedMap map, const AdminAnswer& answer);
-  /// Nobody is in it, and nothing has come for it for so long that nobody has kept something for it.
+  /// Whether nobody is in the map, and nothing has come for it for so long that nobody has kept something for
+  /// it.
   [[nodiscard]] bool is_unused(MapId id, const MapEntry& entry) const;
   void compact(MapId id, const std::string& name);
 

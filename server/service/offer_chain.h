@@ -11,9 +11,9 @@
 
 namespace cairn {
 
-/// Where the frames that clients offered to a map are in it: a client that was cut off offers frames each of
-/// which was tracked against the one before. Remembers so many of the last of a session of a client. Pure;
-/// used from one thread.
+/// Keeps where the frames that clients offered to a map are in it: a client that was cut off offers frames
+/// each of which was tracked against the one before. Remembers so many of the last of a session of a client.
+/// Pure; used from one thread.
 class OfferChain {
  public:
   static constexpr size_t kRemembered = 256;  ///< offers of a client
@@ -24,9 +24,9 @@ class OfferChain {
     SE3 camera_from_keyframe;
   };
 
-  /// The offer has become this keyframe, or was seen from there and not taken.
+  /// Notes that the offer has become this keyframe, or was seen from there and not taken.
   void put(const std::string& client, SessionId session, uint64_t command, const Link& link);
-  /// Null: the map knows nothing of the offer, or it was damaged.
+  /// The link of an offer; null: the map knows nothing of the offer, or it was damaged.
   [[nodiscard]] const Link* find(const std::string& client, SessionId session, uint64_t command) const;
 
  private:

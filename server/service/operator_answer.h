@@ -94,7 +94,7 @@ struct OverlapSeen {
   size_t its_keyframes = 0;
   Timestamp found;
 };
-/// What a map is.
+/// A map, as lists show it.
 struct Map {
   MapId id;
   std::string name;
@@ -108,7 +108,7 @@ struct Map {
   std::string failed;  ///< why its work has ended, and it takes nothing until the server starts again; empty:
                        ///< it works
 };
-/// And what goes on in it.
+/// A map, and what goes on in it.
 struct BusyMap {
   Map map;
   std::string frozen;  ///< by whom and why; empty: it is not
@@ -121,7 +121,7 @@ struct BusyMap {
   std::optional<double> offer_p95_ms;
   std::vector<OverlapSeen> overlaps;
 };
-/// With what takes a look at all of it.
+/// A map, with measures that take a look at all of it.
 struct WholeMap {
   struct Measures {
     double reprojection_px = 0;
@@ -247,18 +247,18 @@ using Answer = std::variant<Nothing, Done, Server, Rigs, Clients, Map, BusyMap, 
 
 /// Or why not.
 using OperatorAnswer = Result<told::Answer>;
-/// To be called once, on the service's thread.
+/// Answers an operator. To be called once, on the service's thread.
 using AdminAnswer = std::function<void(OperatorAnswer answer)>;
 
-/// To who asks for what is only done with a store.
+/// Refusal of requests that need a store.
 inline constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
 
 [[nodiscard]] OperatorAnswer refusal(Error error);
 [[nodiscard]] OperatorAnswer refusal(ErrorCode code, std::string message);
-/// Of what is asked of a map that cannot be used, with the remedy.
+/// Refuses a request about a map that cannot be used, with the remedy.
 [[nodiscard]] OperatorAnswer refusal(const DeletedMap& map);
 [[nodiscard]] OperatorAnswer unknown_map(const std::string& name_or_id);
-/// Of one that must be undeleted first.
+/// Refuses a request about a map that must be undeleted first.
 [[nodiscard]] OperatorAnswer deleted_map(const std::string& name_or_id);
 /// A refusal as the operator reads it, and as it goes on record.
 [[nodiscard]] std::string words_of(const Error& refused);

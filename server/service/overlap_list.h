@@ -13,7 +13,7 @@ namespace cairn {
 /// once is not taken back. Used from one thread.
 class OverlapList {
  public:
-  /// What another map has to do with one.
+  /// A map that overlaps with another one.
   struct Neighbour {
     MapId map;
     size_t keyframes = 0;      ///< of the one that show the other, the most there have been
@@ -22,17 +22,17 @@ class OverlapList {
   };
 
   void restore(const std::vector<OverlapRecord>& records);
-  /// Whether it is new.
+  /// Notes an overlap. Returns whether it is new.
   bool note(const Overlap& overlap, Timestamp now);
-  /// The map is gone for good.
+  /// Forgets a map that is gone for good.
   void forget(const MapId& map);
 
-  /// Those with most keyframes first.
+  /// Maps that overlap with this one, those with most keyframes first.
   [[nodiscard]] std::vector<Neighbour> of(const MapId& map) const;
   [[nodiscard]] std::vector<OverlapRecord> all() const;
-  /// Whether all() is another than when it was last asked.
+  /// Whether all() has changed since this was last called.
   [[nodiscard]] bool take_changed();
-  /// What was taken could not be kept.
+  /// Makes take_changed() true again, since what was taken could not be kept.
   void change_again() { is_changed_ = true; }
 
  private:

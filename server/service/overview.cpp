@@ -15,7 +15,7 @@ constexpr size_t kMostOverlapsTold = 100;  ///< of a map: it must fit into a pag
 /// More than fit into a page: each takes some 260 bytes at least.
 constexpr size_t kMostMapsTold = 250;
 
-/// What stands beside the health; `maps` has all.
+/// The first items of a list, which stand beside the health; the request `maps` tells all.
 template <typename Item>
 std::vector<Item> first_of(const std::vector<Item>& items) {
   constexpr size_t kMostTold = 10;

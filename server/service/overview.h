@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// Of a map that is served, that is, has a snapshot.
+/// Describes a map that is served, that is, has a snapshot.
 [[nodiscard]] told::Map describe_map(MapId id, const MapEntry& entry);
 
 /// What operators see: the server, its maps, who is there. Changes nothing. Used from the service's thread.
@@ -31,9 +31,9 @@ class Overview {
   [[nodiscard]] told::BusyMap describe(MapId id, const MapEntry& entry) const;
   /// A page of all maps: those that are served, deleted, damaged, and could not be loaded.
   void list(const asked::Maps& begin, const AdminAnswer& answer);
-  /// With what takes a look at all of the map.
+  /// Answers with a map, and with measures that take a look at all of it.
   void show(MapId id, const MapEntry& entry, const AdminAnswer& answer) const;
-  /// How many trackers are found in a map now.
+  /// Number of trackers that are found in a map now.
   [[nodiscard]] size_t count_in(MapId map) const;
 
  private:

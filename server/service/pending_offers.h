@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// What all offers that wait take of memory.
+/// Memory [bytes] of all offers that wait.
 using WaitingBytes = std::shared_ptr<std::atomic<size_t>>;
 
 /// Something that a client has offered and nobody has decided yet; held by what waits for that.
@@ -35,8 +35,8 @@ class PendingOffer {
   std::atomic<bool> withdrawn_{false};
 };
 
-/// Those of one client. What it may do can change before they are decided: then they are withdrawn. Used from
-/// one thread.
+/// The pending offers of one client. What it may do can change before they are decided: then they are
+/// withdrawn. Used from one thread.
 class PendingOffers {
  public:
   enum class Kind : uint8_t { kSeed, kKeyframe, kProposal };
@@ -51,7 +51,7 @@ class PendingOffers {
     offers_.push_back({std::move(what), offer});
     return offer;
   }
-  /// Those of which `is_over` says so.
+  /// Withdraws offers for which `is_over` is true.
   template <typename IsOver>
   void withdraw(const IsOver& is_over) {
     for (const Offer& offer : offers_) {

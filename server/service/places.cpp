@@ -12,7 +12,8 @@
 namespace cairn {
 namespace {
 
-/// Of the candidate answered or, where none is believed, of the one that came nearest to it.
+/// Describes an answer for the log: the candidate answered or, where none is believed, the one that came
+/// nearest to it.
 std::string describe(const RelocalizationAnswer& answer) {
   if (answer.candidates.empty()) return answer.reason;
   const PlaceCandidate& best =
@@ -26,7 +27,7 @@ std::string describe(const RelocalizationAnswer& answer) {
       answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
 }
 
-/// Of an answer, what is not of these maps.
+/// Removes from an answer candidates that are not of these maps.
 void leave_out_others(const MapSet& maps, RelocalizationAnswer* answer) {
   const size_t found = answer->candidates.size();
   std::erase_if(answer->candidates, [&](const PlaceCandidate& place) { return !maps.contains(place.map); });

@@ -12,28 +12,28 @@
 
 namespace cairn {
 
-/// Where this is: the queries of clients, on their way to the place index and back, and which maps show the
-/// same place. Used from the service's thread.
+/// Answers where a client is: takes its queries to the place index and the answers back, and keeps which maps
+/// show the same place. Used from the service's thread.
 class Places {
  public:
   Places(const ServiceContext& context, Clients& clients, Sessions& sessions, const ServedMaps& maps);
   Places(const Places&) = delete;
   Places& operator=(const Places&) = delete;
 
-  /// A query, of the process that holds the name; of others it is passed over.
+  /// Takes a query of the process that holds the client's name; those of others are passed over.
   void take(const Principal& who, wire::RelocQuery message);
-  /// A map has another revision.
+  /// Notes that a map has another revision.
   void note_revised(MapRevision revision);
-  /// A map is not there any more; its overlaps stay known, since it may come back.
+  /// Notes that a map is not there any more; its overlaps stay known, since it may come back.
   void remove(MapId map) { runner_->remove(map); }
-  /// As a query would be answered with now.
+  /// The index with which a query would be answered now.
   [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const { return runner_->index(); }
 
   /// Maps that show what is in this one, those with most keyframes first.
   [[nodiscard]] std::vector<OverlapList::Neighbour> overlaps_of(MapId map) const { return overlaps_.of(map); }
-  /// The map is gone for good.
+  /// Forgets the overlaps of a map that is gone for good.
   void forget_overlaps(MapId map) { overlaps_.forget(map); }
-  /// If they have changed.
+  /// Keeps the overlaps in the store if they have changed.
   void keep_overlaps();
 
  private:

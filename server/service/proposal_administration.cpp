@@ -12,7 +12,7 @@ namespace {
 /// More than fit into a page: each takes some 300 bytes at least.
 constexpr size_t kMostTold = 250;
 
-/// As any other offer of its client, with what was kept.
+/// The job of an accepted proposal: that of any other offer of its client, with what was kept.
 OfferJob accepted_job(uint64_t number, const CameraPtr& camera, KeptProposal kept) {
   const ProposalRecord& record = kept.record;
   const auto width = record.camera.width;

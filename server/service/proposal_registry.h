@@ -31,35 +31,35 @@ class ProposalRegistry {
  public:
   explicit ProposalRegistry(const ProposalLimits& limits = {}) : limits_(limits) {}
 
-  /// Those of a map from the store, in place of what was known of it; `last`: the highest number that it has
-  /// ever given to one. No number is given again.
+  /// Takes over a map's proposals from the store, in place of what was known of it. `last`: the highest
+  /// number that the map has ever given to one. No number is given again.
   void restore(MapId map, std::vector<ProposalSummary> proposals, uint64_t last);
-  /// The map has gone.
+  /// Forgets the proposals of a map that has gone.
   void forget(MapId map);
 
   /// Why nothing of a client is looked at now; empty: it is, and the time counts from now on.
   [[nodiscard]] std::string why_not_now(const std::string& client, MonotonicTime now);
   /// Why there is no room for any; empty: there is.
   [[nodiscard]] std::string why_full() const;
-  /// One that shows about the same from about the same place; null: there is none.
+  /// A proposal that shows about the same from about the same place; null: there is none.
   [[nodiscard]] const ProposalSummary* find_alike(MapId map, const ProposalSummary& proposal) const;
 
   struct Room {
     uint64_t number = 0;                ///< of the new one
     std::vector<ProposalSummary> gone;  ///< for it
   };
-  /// Takes in one that is about to be kept.
+  /// Takes in a proposal that is about to be kept.
   [[nodiscard]] Room add(MapId map, ProposalSummary proposal);
-  /// It could not be kept: those that went for it are there again.
+  /// Takes a proposal back that could not be kept: those that went for it are there again.
   void take_back(MapId map, const Room& room);
   void remove(MapId map, uint64_t number);
-  /// Those that have been kept long enough, by map.
+  /// Numbers of proposals that have been kept long enough, by map.
   [[nodiscard]] std::map<MapId, std::vector<uint64_t>> too_old(Timestamp now) const;
 
   using OfMap = std::map<uint64_t, ProposalSummary>;  ///< by number
   [[nodiscard]] const OfMap& of(MapId map) const;
   [[nodiscard]] const ProposalSummary* find(MapId map, uint64_t number) const;
-  /// In all maps.
+  /// Number of proposals in all maps.
   [[nodiscard]] size_t count() const;
 
  private:
@@ -67,7 +67,7 @@ class ProposalRegistry {
     uint64_t last = 0;
     OfMap proposals;
   };
-  /// The one that goes next for one of `client`; the end: there is room.
+  /// The proposal that goes next to make room for one of `client`; the end: there is room.
   [[nodiscard]] OfMap::const_iterator next_to_go(const OfMap& proposals, const std::string& client) const;
 
   ProposalLimits limits_;

@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kMostInWork = 8;  ///< their images are in memory meanwhile
 constexpr std::chrono::milliseconds kUntilTriedAgain{200};
 
-/// For the store: sent again after a restart, the offer is answered so.
+/// The decision for the store, by which an offer that is sent again after a restart is answered.
 DecisionRecord aside_record(const std::string& client, SessionId session, const wire::OfferOutcome& outcome,
                             Timestamp time) {
   return {client,
@@ -113,7 +113,8 @@ void Proposals::on_judged(Offered offered, ProposalJudgement judged) {
   keep(std::move(offered), std::move(judged.kept));
 }
 
-/// With what was decided on the offer: sent again after a restart, it is answered and not kept twice.
+/// Keeps a proposal with the decision on its offer: sent again after a restart, the offer is answered and not
+/// kept twice.
 void Proposals::keep(Offered offered, KeptProposal kept) {
   wire::OfferOutcome& outcome = offered.outcome;
   ProposalSummary& summary = kept.record.summary;

@@ -12,9 +12,9 @@
 
 namespace cairn {
 
-/// Keyframes of who may not add them, kept aside until an operator decides. They are looked at in the
-/// executor that stands back for all others, on what is published of the map; the map's queue hears of one
-/// when an operator accepts it. Used from the service's thread.
+/// Proposals: keyframes of clients that may not add them, kept aside until an operator decides. They are
+/// looked at in the executor that stands back for all others, on what is published of the map; the map's
+/// queue hears of one when an operator accepts it. Used from the service's thread.
 class Proposals {
  public:
   using Decided = std::function<void(wire::OfferOutcome outcome)>;
@@ -28,13 +28,13 @@ class Proposals {
   /// store only.
   void propose(Client& client, const MapEntry& entry, wire::KeyframeOffer offer,
                const AnnouncedCamera& camera, std::string why, Decided decided);
-  /// Those that nobody has decided of for long. With a store only.
+  /// Drops proposals that nobody has decided on for long. With a store only.
   void drop_old();
 
   [[nodiscard]] ProposalRegistry& registry() { return registry_; }
 
  private:
-  /// One on its way, and its client.
+  /// A proposal on its way, and its client.
   struct Offered {
     SessionId session;
     wire::OfferOutcome outcome;

@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// What a reader of a map has at first; what comes then, ServiceOutput tells.
+/// The state that a reader of a map has at first; what comes then, ServiceOutput tells.
 struct FollowedMap {
   MapSnapshotPtr newest;
   std::vector<wire::LabelMessage> labels;
@@ -32,7 +32,8 @@ class PublishedMaps {
 
   /// The newest revision of each, by id. Thread-safe.
   [[nodiscard]] std::vector<MapSnapshotPtr> all() const;
-  /// Nothing where there is no such map for this client (yet).
+  /// The newest revision of a map for a client that follows it; nothing where there is no such map for it
+  /// (yet).
   [[nodiscard]] std::optional<FollowedMap> follow(const Principal& who, MapId map) const;
   /// The maps in which somebody may find himself.
   [[nodiscard]] MapSet readable_by(const Principal& who) const;

@@ -52,20 +52,20 @@ class RelocalizationRunner : public std::enable_shared_from_this<RelocalizationR
         clock_(std::move(clock)),
         log_(std::move(log)),
         times_(times) {}
-  /// Before anything else.
+  /// Sets the listener. To be called before anything else.
   void listen(Listener listener) { listener_ = std::move(listener); }
 
-  /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
-  /// without an image are of keyframes that are indexed, in `indexed` (what was indexed of the map
+  /// Takes in a new state of a map. One that has not been indexed yet is passed over: only the newest counts.
+  /// Views without an image are of keyframes that are indexed, in `indexed` (what was indexed of the map
   /// elsewhere) or here, and stay as they are there; others are left out. `offered`: when the keyframes came
   /// that are new in it.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {},
               std::vector<MonotonicTime> offered = {});
-  /// The map is gone: soon no query is answered with it. Does not wait.
+  /// Removes a map that is gone: soon no query is answered with it. Does not wait.
   void remove(const MapId& map);
-  /// `done` is called on an answerer, whatever happens.
+  /// Answers a query. `done` is called on an answerer, whatever happens.
   void ask(RelocalizationQuery query, Done done);
-  /// As a query would be answered with now.
+  /// The index with which a query would be answered now.
   [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
 
  private:
@@ -78,12 +78,13 @@ class RelocalizationRunner : public std::enable_shared_from_this<RelocalizationR
   void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
   void catch_up();
-  /// With changing_ held.
+  /// Indexes a reported state of a map, or removes a map that is gone. Precondition: changing_ is held.
   void adopt(const MapId& map, const Reported& reported);
-  /// Has a forest planted unless the index is well served or one is on its way. With changing_ held.
+  /// Has a forest planted unless the index is well served or one is on its way. Precondition: changing_ is
+  /// held.
   void plant_if_needed();
   void plant();
-  /// Nothing: planting failed.
+  /// Puts a planted forest into the index; nothing: planting failed.
   void adopt(std::optional<ImageForestPtr> forest);
   void publish(PlaceIndex next);
 

@@ -27,7 +27,7 @@ class RigList {
   /// Likewise, of those that have fallen silent.
   [[nodiscard]] std::vector<std::string> pass(MonotonicTime now);
 
-  /// By name, for an operator.
+  /// The rigs that were seen, by name, for an operator.
   [[nodiscard]] std::vector<told::RigSeen> seen(MonotonicTime now) const;
 
  private:

@@ -18,13 +18,13 @@
 /// into force.
 namespace cairn {
 
-/// What there is to know of a map that a request names.
+/// A map that a request names.
 struct NamedMap {
   MapId id;
   std::string name;
   Box bounds;  ///< of its points and its keyframes' cameras, map frame
 };
-/// By name or id; nothing: there is none.
+/// Finds a map by name or id; nothing: there is none.
 using FindMap = std::function<std::optional<NamedMap>(const std::string& name_or_id)>;
 
 /// Which clients there are, so that a name that was mistyped is noticed. Rights for who comes later are
@@ -40,13 +40,13 @@ struct RightsChange {
   AuditEntry entry;  ///< who changed them, and how
 };
 
-/// Errors kUsage, kNotFound: what is wrong with it.
+/// The rights after a change that an operator asks for. Errors kUsage, kNotFound, with what is wrong with it.
 [[nodiscard]] Result<RightsChange> change_rights(const Rights& rights, const asked::ChangeRights& ask,
                                                  const std::string& operator_name, const FindMap& find,
                                                  Timestamp now);
 
-/// Of whom a request names, those that nobody knows, for a person; empty: all are known. `rights`: as they
-/// have become by it.
+/// Notes for a person whom of those that a request names nobody knows; empty: all are known. `rights`: as
+/// they have become by it.
 [[nodiscard]] std::string note_on_names(const Rights& rights, const asked::ChangeRights& ask,
                                         const KnownClients& known);
 

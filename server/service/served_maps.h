@@ -51,7 +51,7 @@ class ServedMaps {
         published_(context, array_) {}
   ServedMaps(const ServedMaps&) = delete;
   ServedMaps& operator=(const ServedMaps&) = delete;
-  /// Before anything else.
+  /// Sets the listener. To be called before anything else.
   void listen(Listener listener) { listener_ = std::move(listener); }
 
   [[nodiscard]] MapArray& array() { return array_; }
@@ -59,21 +59,22 @@ class ServedMaps {
   [[nodiscard]] YoungMaps& young() { return young_; }
   [[nodiscard]] const PublishedMaps& published() const { return published_; }
 
-  /// What makes a map. Thread-safe.
+  /// Makes the runner of a map. Thread-safe.
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
-  /// A map that the store gives back, made ready: the part that takes time. Thread-safe.
+  /// Makes a map ready that the store gives back: the part that takes time. Thread-safe.
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
-  /// Another state of a map that is served takes its place. The labels of both; nothing: the map has gone.
+  /// Puts another state of a map that is served in its place. Returns the labels of both; nothing: the map
+  /// has gone.
   [[nodiscard]] std::optional<std::set<LabelId>> replace(ResumedMap map);
-  /// It has another revision.
+  /// Takes another revision of a map.
   void change(MapId map, MapRevision revision);
-  /// It has been deleted, or was never made.
+  /// Forgets a map that has been deleted, or was never made.
   void forget(MapId map);
 
-  /// Those that have not been in use for long. `index`: what queries are answered with.
+  /// Evicts the images of maps that have not been in use for long. `index`: what queries are answered with.
   void evict_idle_maps(MonotonicTime now, const PlaceIndex& index);
-  /// Running work ends soon.
+  /// Makes running work end soon.
   void stop();
   /// Hands what has changed to the store, when no executor runs any more.
   void save_last_changes();

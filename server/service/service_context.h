@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Where the map service's work runs (README.md, Threads).
+/// Executors of the map service's work (README.md, Threads).
 struct ServiceExecutors {
   Executor& urgent;
   Executor& background;

@@ -37,7 +37,7 @@ struct MapServiceOptions {
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   size_t max_keyframes = 2000;                                   ///< of a map
   size_t max_labels = kMaxLabels;                                ///< of a map; not more than that
-  /// Of seeds, offers and proposals that have not been judged yet; beyond, none is taken.
+  /// Most bytes of seeds, offers and proposals that have not been judged yet; beyond, none is taken.
   size_t max_waiting_bytes = 256'000'000;
   RateLimits rates;  ///< of each client
   /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing

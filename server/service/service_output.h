@@ -14,14 +14,14 @@ struct MapUnlisted {
   MapId map;
   bool was_listed = true;  ///< else its name is not to be learnt from this either
 };
-/// Nothing is said any more of what self-calibration in a map found of a client's camera.
+/// Withdraws what was told of a client's camera as self-calibration in a map found it.
 struct EstimateDropped {
   ClientId client;
   uint32_t camera = 0;
   MapId map;
 };
 
-/// What one client is told. Of each kind, the newest counts (of maps and cameras: of each of those).
+/// An event that one client is told. Of each kind the newest counts (of maps and cameras: of each of those).
 using ClientEvent =
     std::variant<wire::ServerStatus, wire::MapInfo, MapUnlisted, wire::SeedVerdict, wire::OfferVerdict,
                  wire::RelocAnswer, wire::CameraEstimate, EstimateDropped, wire::ClientReply>;
@@ -32,16 +32,16 @@ class ServiceOutput {
  public:
   virtual ~ServiceOutput() = default;
 
-  /// To a client that is connected. Error: it could not be written, and is lost.
+  /// Tells an event to a client that is connected. Error: it could not be written, and is lost.
   [[nodiscard]] virtual Status tell(const std::string& client, const ClientEvent& event) = 0;
-  /// To an operator, once more where he asks again.
+  /// Answers an operator, once more where he asks again.
   [[nodiscard]] virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
 
-  /// A map has another revision, its first perhaps: for all that follow it (PublishedMaps::follow()).
+  /// Shows another revision of a map, its first perhaps, to all that follow it (PublishedMaps::follow()).
   virtual void revised(MapId map, const MapSnapshotPtr& newest) = 0;
   virtual void labelled(const wire::LabelMessage& label) = 0;
   virtual void label_removed(MapId map, LabelId label) = 0;
-  /// A map is not there any more: nobody follows it.
+  /// Ends a map that is not there any more: nobody follows it.
   virtual void ended(MapId map) = 0;
 };
 

@@ -25,7 +25,7 @@ class Sessions {
   /// A tracker's word on itself. Whether it counts: another live process may hold the name.
   bool hear(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
             const wire::TrackerStateMessage& message);
-  /// From a process under this name; more of them may send.
+  /// Takes a camera that a process announces under this name; more of them may send.
   void announce(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera);
   /// Whether a command of this session is of the process that holds the name.
   [[nodiscard]] bool holds(const Client& client, SessionId session) const {
@@ -35,9 +35,9 @@ class Sessions {
   /// for a worker; then it is told.
   [[nodiscard]] bool refuses_lockstep(Client& client, bool lockstep);
 
-  /// Its process is not heard any more.
+  /// Notes that the client's process is not heard any more.
   void fell_silent(ClientId id);
-  /// The client is not there any more.
+  /// Notes that the client is not there any more.
   void left(const std::string& name);
   /// The process that holds the name now is not served any more; another may come. Error kNotFound.
   [[nodiscard]] Status kick(const std::string& name);
@@ -66,7 +66,7 @@ class Sessions {
 /// Whether a command whose camera is not known should be left until it is sent again: commands and cameras
 /// are not in order with each other.
 [[nodiscard]] bool may_yet_come(Client& client, MonotonicTime now);
-/// What is said of a camera that has not come.
+/// Message about a camera that has not been announced.
 [[nodiscard]] std::string unknown_camera(uint32_t camera, uint32_t version);
 
 }  // namespace cairn

@@ -80,12 +80,12 @@ Status secure(Opened* opened, Timestamp now, const Logger& log) {
   return {};
 }
 
-/// Of a fingerprint, so much that a person can compare it.
+/// The part of a fingerprint that a person can compare.
 std::string short_of(const std::string& fingerprint) {
   return fingerprint.substr(0, 16);
 }
 
-/// Out of the way; the path under which it is kept.
+/// Moves a file out of the way. Returns the path under which it is kept.
 fs::path set_aside(const fs::path& path, Timestamp now) {
   fs::path aside = path.parent_path() / "damaged" / ("site-" + std::to_string(now.nanoseconds) + ".db");
   std::error_code ignored;
@@ -173,7 +173,8 @@ void SiteAccess::know_clients(std::optional<GroupsOfClients> clients) {
   put_in_force(policy_->rights());
 }
 
-/// With the groups of the keys as they are now: they may have changed while it was kept.
+/// Puts rights in force, with the groups of the keys as they are now: these may have changed while the rights
+/// were kept.
 void SiteAccess::put_in_force(Rights rights) {
   rights.set_groups_of_keys(clients_.value_or(GroupsOfClients{}));
   next_expiry_ = rights.next_expiry(policy_->now());

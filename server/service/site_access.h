@@ -41,11 +41,11 @@ class SiteAccess {
   [[nodiscard]] static Result<std::unique_ptr<SiteAccess>> open(const std::filesystem::path& folder,
                                                                 SiteKind kind, Clock clock,
                                                                 const Logger& log);
-  /// Of a secured site, as a task of `site`: the fingerprint of the authority that its keys are of. Where the
+  /// Notes the fingerprint of the authority that a secured site's keys are of; a task of `site`. Where the
   /// store was last used with keys of another, that is said this once, in the log and on record, with what to
   /// do. Errors: kDamaged, kIo.
   [[nodiscard]] Status know_authority(const std::string& fingerprint);
-  /// Before anything of what follows.
+  /// Sets the executors. To be called before anything of what follows.
   void run_by(Executors executors) { executors_.emplace(std::move(executors)); }
 
   [[nodiscard]] const std::shared_ptr<RightsPolicy>& policy() const { return policy_; }
@@ -58,12 +58,12 @@ class SiteAccess {
   /// Keeps a change and puts it in force; `done` is told on the service's thread. Changes come into force in
   /// their order, before what is asked of the audit log; each is to be made of the newest rights().
   void put(RightsChange change, std::function<void(const Status& kept)> done);
-  /// Who has made a map may write in it from now on: kept and put in force as by put().
+  /// Lets the maker of a map write in it from now on: kept and put in force as by put().
   void let_maker_write(const std::string& client, const MapId& map, const std::string& map_name,
                        std::function<void(const Status& kept)> done);
-  /// The map is gone for good, and all that was said of it goes with it.
+  /// Forgets a map that is gone for good, and all that was said of it.
   void forget(const MapId& map, const std::string& map_name);
-  /// The newest, in force or about to be.
+  /// The newest rights, in force or about to be.
   [[nodiscard]] const Rights& rights() const { return newest_; }
   /// Writes an entry into the audit log, soon; what the disk does not take waits until it does.
   void note(AuditEntry entry);
@@ -73,7 +73,7 @@ class SiteAccess {
   void note_turned_away(const Principal& who, const std::string& why);
   /// Tries to write what waits, now and then; to be called often.
   void try_again();
-  /// Error kRefused: nothing is kept.
+  /// Finds entries of the audit log. Error kRefused: nothing is kept.
   void find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done);
 
   /// Which clients have keys, and the groups that these name, which count in rights from now on; nothing: an
@@ -96,7 +96,7 @@ class SiteAccess {
         log_(std::move(log)),
         next_expiry_(newest_.next_expiry(policy_->now())) {}
   void put_in_force(Rights rights);
-  /// Those that wait, and what `add` adds to them.
+  /// Keeps the entries that wait, and what `add` adds to them.
   void keep_entries(std::function<void(std::vector<AuditEntry>* waiting)> add);
   void tell_of_disk(const Status& written);
 

@@ -26,7 +26,7 @@ void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& ne
 
 namespace {
 
-/// Of its points, but for those farthest out, and its keyframes' cameras.
+/// Bounds of a map: of its points, but for those farthest out, and of its keyframes' cameras.
 Box bounds_of(const MapEntry& entry) {
   Box bounds{entry.statistics.bounds_min.cast<double>(), entry.statistics.bounds_max.cast<double>()};
   if (entry.snapshot == nullptr) return bounds;

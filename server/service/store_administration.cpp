@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kMostBackingUp = 64;
 
-/// Of a part that is a map in service, or could be.
+/// Id of a part of the store that is a map in service, or could be.
 std::optional<MapId> map_of(const std::string& part) {
   constexpr std::string_view kMaps = "maps/";
   if (!is_backup_part(part) || !part.starts_with(kMaps)) return std::nullopt;
@@ -22,7 +22,7 @@ std::optional<MapId> map_of(const std::string& part) {
   return bytes ? std::optional(MapId{*bytes}) : std::nullopt;
 }
 
-/// Since the files were listed.
+/// Whether a part has gone since the files were listed.
 bool has_gone(const std::filesystem::path& folder, const std::string& part) {
   std::error_code ignored;
   return is_backup_part(part) && !std::filesystem::exists(folder / part, ignored);

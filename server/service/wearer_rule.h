@@ -38,11 +38,11 @@ class WearerRule {
  public:
   /// A pose older than that says nothing of where the wearer is.
   static constexpr std::chrono::milliseconds kFresh{500};
-  /// Not confirmed in so many queries in a row, a place is looked for in all maps.
+  /// A place that is not confirmed in so many queries in a row is looked for in all maps.
   static constexpr int kQueries = 2;
-  /// Inliers of another map, over those of the narrowed ones, that are clearly more. Measured once to choose:
-  /// two maps of one place, with two to five keyframes, have counts that differ by 1.35 at most; by 2.6 where
-  /// one has a quarter of the other's points.
+  /// Ratio of the inliers in another map to those in the maps that the search was narrowed to, from which
+  /// they are clearly more. Measured once to choose: two maps of one place, with two to five keyframes, have
+  /// counts that differ by 1.35 at most; by 2.6 where one has a quarter of the other's points.
   static constexpr double kClearlyMore = 2;
 
   explicit WearerRule(WearerOptions options) : options_(std::move(options)) {}
@@ -58,7 +58,7 @@ class WearerRule {
   /// Empty: nobody in particular.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
-  /// Where a client's query is looked into.
+  /// Maps in which a client's query is searched.
   struct Search {
     SearchScope scope;
     bool in_part = false;  ///< not in all of the maps that the client may find itself in

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// Of one kind of work.
+/// Quantiles of one kind of work.
 struct WorkSummary {
   std::string name;
   size_t count = 0;
@@ -27,22 +27,22 @@ struct WorkSummary {
 /// Thread-safe; a call is short beside the work that it counts.
 class WorkTimes {
  public:
-  /// From when an offer came to when it was looked at.
+  /// Counts the time from when an offer came to when it was looked at.
   void waited(std::chrono::nanoseconds wall);
-  /// Processor time of judging an offer and taking it in. Offers that are refused before their image is
-  /// decoded count as well, and take much less than the others.
+  /// Counts the processor time of judging an offer and taking it in. Offers that are refused before their
+  /// image is decoded count as well, and take much less than the others.
   void judged(std::chrono::nanoseconds cpu);
-  /// Processor time of a piece of work, whatever it was interrupted by.
+  /// Counts the processor time of a piece of work, whatever it was interrupted by.
   void worked(const StepReport& report, std::chrono::nanoseconds cpu);
-  /// From when an offer came to the revision with the points made of it.
+  /// Counts the time from when an offer came to the revision with the points made of it.
   void points_published(std::chrono::nanoseconds wall);
 
-  /// From when an offer came to when queries are answered with its keyframe.
+  /// Counts the time from when an offer came to when queries are answered with its keyframe.
   void searchable(std::chrono::nanoseconds wall);
-  /// Processor time of looking for a keyframe in other maps.
+  /// Counts the processor time of looking for a keyframe in other maps.
   void checked_for_overlaps(std::chrono::nanoseconds cpu);
 
-  /// Of all that has been counted: "offer_waited_ms", "local_adjustment_cpu_ms",
+  /// Summaries of all that has been counted: "offer_waited_ms", "local_adjustment_cpu_ms",
   /// "local_adjustment_observations", ...
   [[nodiscard]] std::vector<WorkSummary> summaries() const;
 

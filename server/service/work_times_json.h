@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// For `--stats`: `{"offer_waited_ms": {"count", "p50", "p95", "p99", "max"}, "local_adjustment_cpu_ms":
-/// ...}`.
+/// Writes summaries as JSON for `--stats`: `{"offer_waited_ms": {"count", "p50", "p95", "p99", "max"},
+/// "local_adjustment_cpu_ms": ...}`.
 [[nodiscard]] std::string to_json(const std::vector<WorkSummary>& summaries);
 
 }  // namespace cairn

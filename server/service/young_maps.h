@@ -20,12 +20,12 @@ namespace cairn {
 /// are handed in. Used from one thread.
 class YoungMaps {
  public:
-  /// Tracked for longer, a map is no longer young.
+  /// Time for which a map has to be tracked to be no longer young.
   static constexpr std::chrono::seconds kYouth{1};
   /// Nothing is concluded from the silence of a maker: trackers speak several times a second.
   static constexpr std::chrono::seconds kSilence{3};
 
-  /// What a tracker says of itself.
+  /// State of a tracker, as it says itself.
   struct Word {
     SessionId session;
     TrackingState state = TrackingState::kStarting;
@@ -40,11 +40,12 @@ class YoungMaps {
 
   void made(MapId map, std::string maker, SessionId session);
   void heard(const std::string& client, const Word& word, MonotonicTime now);
-  /// The client has gone.
+  /// Notes that a client has gone.
   void left(const std::string& client);
-  /// The map is of use, or is no more: somebody has been found in it, it has grown, been named, labelled.
+  /// Forgets a map that is of use or is no more: somebody has been found in it, it has grown, been named,
+  /// labelled.
   void forget(MapId map) { maps_.erase(map); }
-  /// Whose makers have been elsewhere for `wait`, and still are.
+  /// Maps whose makers have been elsewhere for `wait`, and still are.
   [[nodiscard]] std::vector<Dead> dead(MonotonicTime now, std::chrono::seconds wait) const;
 
  private:
@@ -57,7 +58,7 @@ class YoungMaps {
     std::optional<MonotonicTime> away_since;  ///< its maker, and whoever looks whether it is there
     MonotonicTime last_heard;
   };
-  /// What its maker says; whether it may still die young.
+  /// Notes what the maker of a map says. Returns whether the map may still be dropped.
   [[nodiscard]] static bool note(Young* young, bool is_here, const Word& word, MonotonicTime now);
 
   std::map<MapId, Young> maps_;

@@ -117,7 +117,7 @@ std::optional<BackupContent> parse(const std::string& text) {
   return content;
 }
 
-/// What is kept there are images and rights, whatever the umask of who unpacks it.
+/// Makes a file for owner and group only, whatever the umask of who unpacks it: it holds images and rights.
 Status make_for_owner_and_group(const fs::path& path, std::ofstream* out) {
   std::error_code problem;
   const fs::path folder = path.parent_path();
@@ -223,7 +223,7 @@ class Reading {
     return {};
   }
 
-  /// What there is must be what was written, to the last byte.
+  /// Reads the list of contents and checks that what there is is what was written, to the last byte.
   Result<BackupContent> end(uint64_t bytes) {
     if (bytes > kMostContentBytes) return damaged("its list of contents is altered");
     std::string text(bytes, '\0');

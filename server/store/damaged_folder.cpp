@@ -28,7 +28,8 @@ void read_reasons(DamagedFile* file) {
   file->reasons.erase(file->reasons.begin());
 }
 
-/// Of what lies in `damaged`: the rest are companions, and what is said of them.
+/// Whether a file in the folder `damaged` was set aside by itself; all others there are companions of such
+/// files, and their reasons.
 bool is_set_aside(const fs::path& path) {
   const std::string extension = path.extension();
   if (extension == kMapLogSuffix) return !is_there(fs::path(path).replace_extension(kMapSuffix));

@@ -26,7 +26,7 @@ struct Descriptor {
   const int number;
 };
 
-/// 0 or an error number; EEXIST when something is there, which stays.
+/// Renames a file. Returns 0 or an error number; EEXIST when something is at `to`, which stays.
 int rename_unless_taken(const fs::path& from, const fs::path& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
   if (errno != EINVAL && errno != ENOSYS) return errno;

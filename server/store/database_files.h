@@ -13,12 +13,12 @@
 /// Private to the store; safe to call from any thread, for different files.
 namespace cairn {
 
-/// Of the log that belongs to a database file.
+/// End of the name of the log that belongs to a database file.
 inline constexpr const char* kLogEnd = "-wal";
-/// What SQLite lays beside a database file.
+/// Ends of the names of the files that SQLite lays beside a database file.
 inline constexpr const char* kCompanions[] = {kLogEnd, "-shm", "-journal"};
 
-/// kIo, with the file's name before what happened.
+/// Error kIo, with the file's name before what happened.
 [[nodiscard]] tl::unexpected<Error> io_failure(const std::filesystem::path& path, const std::string& what);
 
 /// Makes entries of a folder durable.
@@ -31,25 +31,26 @@ void sync_folder(const std::filesystem::path& folder);
 /// taken), kIo.
 [[nodiscard]] Status move_database(const std::filesystem::path& from, const std::filesystem::path& to);
 
-/// With its companions; that there is none is no error. Error kIo, after which all of it is there still.
+/// Removes a database file with its companions; that there is none is no error. Error kIo, after which all of
+/// it is still there.
 [[nodiscard]] Status remove_database(const std::filesystem::path& path);
-/// Likewise, where the caller has something worse to tell. What stays is removed before the next file is made
-/// there.
+/// remove_database() for callers that have something worse to tell. What stays is removed before the next
+/// file is made there.
 void discard_database(const std::filesystem::path& path);
 
-/// The bytes of a file. Errors kIo, with the system's reason; what was written stays.
+/// Copies the bytes of a file. Errors kIo, with the system's reason; what was written stays.
 [[nodiscard]] Status copy_bytes(const std::filesystem::path& from, const std::filesystem::path& to);
-/// Error kIo, without a name.
+/// Writes all bytes. Error kIo, without a name of a file.
 [[nodiscard]] Status write_all(int descriptor, std::span<const uint8_t> bytes);
 
-/// Of a database file. An empty one holds nothing.
+/// Whether a database file has a log that holds something; an empty one does not.
 [[nodiscard]] bool has_log(const std::filesystem::path& file);
 
-/// `stem` with a number if there is one already.
+/// A path in the folder that is not taken: `stem`, with a number if there is one already.
 [[nodiscard]] std::filesystem::path free_path(const std::filesystem::path& folder, const std::string& stem,
                                               const std::string& suffix);
 
-/// What is in a folder. Error kIo: it cannot be read.
+/// The entries of a folder. Error kIo: it cannot be read.
 [[nodiscard]] Result<std::vector<std::filesystem::path>> entries_of(const std::filesystem::path& folder);
 
 }  // namespace cairn

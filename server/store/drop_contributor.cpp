@@ -19,7 +19,8 @@ std::set<KeyframeId> keyframes_of(const StoredMap& map, const std::string& clien
   return keyframes;
 }
 
-/// What is known of ids has no meaning any more; that a command was decided stays.
+/// Removes ids from decisions, and the client's own decisions: after the rewrite old ids have no meaning any
+/// more. That commands of others were decided stays.
 void forget_ids(const std::string& client, std::vector<DecisionRecord>* decisions) {
   std::erase_if(*decisions, [&](const DecisionRecord& d) { return d.client == client; });
   for (DecisionRecord& d : *decisions) {

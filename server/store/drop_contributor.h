@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// What is said of a client that has no keyframe in a map.
+/// Error for a client that has no keyframe in a map.
 [[nodiscard]] Error no_contribution(const std::string& client, const std::string& map_name);
 
 /// Takes a client's keyframes out of a map, for good: their images and measurements, the points that fewer

@@ -306,7 +306,7 @@ Result<int64_t> MapFile::camera_row(const CameraParameters& camera) {
   return last + 1;
 }
 
-/// Of a file from before: as far as its decisions say.
+/// Fills in the contributors of a file from before they were kept, as far as its decisions say.
 Status MapFile::learn_contributors() {
   MapUpdate known;
   std::vector<std::string> damage;  // is told by who loads the map

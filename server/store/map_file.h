@@ -20,7 +20,7 @@
 
 namespace cairn {
 
-/// What a map file says of itself.
+/// The header of a map file: what it says of itself.
 struct MapHeader {
   MapId id;
   std::string name;
@@ -67,10 +67,11 @@ struct EpochRecord {
   size_t points = 0;
 };
 
-/// Whose keyframe one is: the name of the client that offered it.
+/// A keyframe and the name of the client that offered it.
 using Contribution = std::pair<KeyframeId, std::string>;
 
-/// What is written at a time: all of it or nothing. What was accepted is its client's contribution, too.
+/// Changes that are written at a time: all of them or none. A keyframe that was accepted is its client's
+/// contribution, too.
 struct MapUpdate {
   MapRecord record;
   std::vector<DecisionRecord> decisions;
@@ -123,16 +124,16 @@ enum class LoadedImages : uint8_t {
   kDecodedOnly,  ///< each is decoded, and one of its size stands for it: for who only wants to know
 };
 
-/// Is shown all of a map as it would become; an error, and it does not.
+/// Is shown all of a map as it would become. If it returns an error, the map does not become so.
 using AcceptState = std::function<Status(StoredMap state)>;
 
-/// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
+/// Origin of a file: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
 
 /// Whether a server has the file, and may move it.
 enum class FileInUse : uint8_t { kNo, kYes };
 
-/// What keyframes are called now, by what they were called. Empty: as before.
+/// Maps the old id of a keyframe to the one that it has now. Empty: ids are as before.
 using KeyframeIds = std::function<KeyframeId(KeyframeId before)>;
 
 /// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
@@ -151,8 +152,8 @@ class MapFile {
   /// The header of a file that nobody has open, without writing anything where its log is empty. Errors: as
   /// open().
   [[nodiscard]] static Result<MapHeader> read_header(const std::filesystem::path& path);
-  /// Of the decisions alone, likewise, the first one, which is the seed's, and the `newest` last; rows that
-  /// are damaged are left out.
+  /// Reads the decisions alone, as read_header() does: the first one, which is the seed's, and the `newest`
+  /// last. Rows that are damaged are left out.
   [[nodiscard]] static Result<std::vector<DecisionRecord>> read_decisions(const std::filesystem::path& path,
                                                                           int64_t newest);
 
@@ -163,36 +164,38 @@ class MapFile {
   [[nodiscard]] Status rename(const std::string& name);
   /// Persists a new epoch, later than all before it.
   [[nodiscard]] Status begin_epoch(Epoch epoch);
-  /// The state as it is can be had back from now on. It costs nothing then; afterwards each row that changes
-  /// is kept once as it was. Error kRefused: there is a tag of that name, or there are too many.
+  /// Makes a tag: the present state can be had back from now on. It costs nothing then; afterwards each row
+  /// that changes is kept once as it was. Error kRefused: there is a tag of that name, or there are too many.
   [[nodiscard]] Status tag(MapTag tag);
-  /// Whose the keyframes are, ascending; also of keyframes that were removed since. Error kDamaged.
+  /// The client of each keyframe, ascending; also of keyframes that were removed since. Error kDamaged.
   [[nodiscard]] Result<std::vector<Contribution>> contributions();
-  /// In the order in which they were made. Error kDamaged.
+  /// The tags, in the order in which they were made. Error kDamaged.
   [[nodiscard]] Result<std::vector<MapTag>> tags();
   /// Forgets a tag and what only it needed. Error kNotFound.
   [[nodiscard]] Status untag(const std::string& name);
-  /// Error kNotFound.
+  /// The tag of that name. Error kNotFound.
   [[nodiscard]] Result<MapTag> find_tag(const std::string& name);
-  /// Everything as it was when the tag was made, but for the map's name and epochs, the decisions and the
-  /// tags, of which there is one more, `before`, for what there is now. Ids that were given since have
-  /// another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
+  /// Brings everything back as it was when the tag was made, but for the map's name and epochs, the decisions
+  /// and the tags, of which there is one more, `before`, for the present state. Ids that were given since
+  /// have another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
   /// Errors: kNotFound, kDamaged, those of `accept`.
   [[nodiscard]] Status roll_back(const std::string& name, MapTag before, Epoch epoch,
                                  const AcceptState& accept = {});
-  /// Beside one that writes the file: all that is read while this lives is as of now, header() too.
+  /// Reads beside one that writes the file: all that is read while the result lives is as of now, header()
+  /// too.
   [[nodiscard]] Result<sqlite::Reading> read_as_of_now();
   /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
-  /// The rows of proposals that could not be read; their numbers are not given again. `read`: by load().
+  /// Removes the rows of proposals that could not be read; their numbers are not given again. `read`: by
+  /// load().
   [[nodiscard]] Status forget_lost_proposals(const StoredMap& read);
-  /// What is wrong with their images.
+  /// Checks the images of all proposals. Returns what is wrong.
   [[nodiscard]] std::vector<std::string> check_proposals();
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
   [[nodiscard]] Status erase_proposals();
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
-  /// What is damaged of that which only tags need.
+  /// Checks what only tags need. Returns what is damaged.
   [[nodiscard]] std::vector<std::string> check_tags();
   /// Decodes each image, one after another. Errors: kRefused (together they take more than `most_bytes`, one
   /// for each pixel; none is decoded then), kDamaged (the first row that is).
@@ -208,7 +211,8 @@ class MapFile {
   [[nodiscard]] Status copy_to(const std::filesystem::path& path);
   /// Writes the log back to the file, so that the file alone is all of it. Error kIo; nothing is lost then.
   [[nodiscard]] Status write_back() { return database_.checkpoint(); }
-  /// The same once the log is long. After answers have gone out: it takes some ten milliseconds.
+  /// write_back() once the log is long. To be called after answers have gone out: it takes some ten
+  /// milliseconds.
   void tidy();
 
  private:
@@ -225,14 +229,14 @@ class MapFile {
   void load_proposals(StoredMap* map);
   // Tags (map_versions.cpp).
   [[nodiscard]] Status learn_newest_tag();
-  /// Before a row changes: as it is, for the newest tag.
+  /// Keeps a row as it is for the newest tag, before it changes.
   [[nodiscard]] Status keep_as_tagged(std::string_view table, int64_t id);
   [[nodiscard]] Status put_back(uint64_t tag);
-  /// Of a roll-back: all in the transaction that is open.
+  /// The part of a roll-back that is in the open transaction: all of it.
   [[nodiscard]] Status replace_by(const MapTag& tag, MapTag before, Epoch epoch, const AcceptState& accept);
   /// The epoch that begins with the state of a tag.
   [[nodiscard]] Result<EpochRecord> epoch_after(const MapTag& tag, Epoch epoch);
-  /// Decisions on keyframes that are no more do not name them.
+  /// Removes from decisions the ids of keyframes that are no more.
   [[nodiscard]] Status forget_keyframes_beyond(size_t count);
   /// Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<std::vector<uint8_t>> read_row(std::string_view table, int64_t id);
@@ -244,7 +248,7 @@ class MapFile {
   /// that is not.
   [[nodiscard]] Status for_each_image(
       const std::function<bool(KeyframeId keyframe, std::span<const uint8_t> row)>& use);
-  /// By their row in the file.
+  /// Loads the cameras, by their row in the file.
   [[nodiscard]] std::map<int64_t, CameraPtr> load_cameras(std::vector<std::string>* damage);
   [[nodiscard]] Result<sqlite::Statement*> statement(std::string_view sql);
 

@@ -13,8 +13,8 @@
 namespace cairn {
 namespace {
 
-/// Of table proposals: the highest number that was given. An operator may still mean by a number what has
-/// been dropped since.
+/// Row of table proposals with the highest number that was given. An operator may still mean by a number what
+/// has been dropped since.
 constexpr int64_t kLastNumberRow = 0;
 
 std::optional<uint64_t> decode_last_number(std::span<const uint8_t> row) {
@@ -23,7 +23,7 @@ std::optional<uint64_t> decode_last_number(std::span<const uint8_t> row) {
   return in.finished() && last <= kMostProposalNumber ? std::optional(last) : std::nullopt;
 }
 
-/// What table proposals holds.
+/// Content of table proposals.
 struct ProposalRows {
   std::vector<ProposalSummary> sound;
   std::vector<std::pair<int64_t, std::string>> unfit;  ///< read, and nothing can be made of them: id, and why

@@ -15,7 +15,8 @@
 
 namespace cairn {
 
-/// What is told of a keyframe that was kept aside as a proposal, without what it takes to make it one.
+/// A keyframe that was kept aside as a proposal, as operators are told of it: without what it takes to make
+/// it a keyframe of the map.
 struct ProposalSummary {
   uint64_t number = 0;  ///< in its map, from 1; later ones are higher, and none comes again
   std::string client;   ///< name of who proposed it
@@ -25,12 +26,12 @@ struct ProposalSummary {
   Timestamp received;  ///< of the wall clock
   Timestamp time;      ///< of the frame, by the client's clock
   Epoch epoch;         ///< of the map, when it was made
-  /// As the map was then.
+  /// Pose in the map as it was then.
   SE3 camera_from_map;
   double mean_depth = 0;  ///< [map unit] of the points found in it
   uint32_t expected = 0;  ///< points of the map that should be seen in it
-  uint32_t found = 0;     ///< of these
-  uint64_t bytes = 0;     ///< that it takes in the store, about
+  uint32_t found = 0;     ///< number of `expected` that were found
+  uint64_t bytes = 0;     ///< rough size that it takes in the store
 };
 
 /// A keyframe kept aside: all that came with the offer, so that the map maker can judge it later.

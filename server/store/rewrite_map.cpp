@@ -21,7 +21,7 @@ void move_labels(const MapState& before, const Renumbering& now, std::vector<Lab
   }
 }
 
-/// Where the frame was taken is said of another keyframe: one that stays.
+/// Gives a proposal another reference keyframe, the nearest that stays; its pose in the map stays the same.
 void take_beside(const MapState& state, const SE3& camera_from_map, ProposalRecord* proposal) {
   const Eigen::Vector3d center = camera_from_map.center();
   const auto distance = [&](const MapKeyframe& k) { return (k.camera_from_map.center() - center).norm(); };
@@ -30,7 +30,8 @@ void take_beside(const MapState& state, const SE3& camera_from_map, ProposalReco
   proposal->camera_from_reference = camera_from_map * nearest->camera_from_map.inverse();
 }
 
-/// As the map is called now. One that could not be accepted any more stays as it is: that is told, then.
+/// Gives a proposal the ids that its map has now. A proposal that could not be accepted any more stays as it
+/// is: when it is to be accepted, that is told.
 void renumber(const StoredMap& stored, const MapState& before, const MapState& state, const Renumbering& now,
               ProposalRecord* proposal) {
   if (stored.epochs.empty()) return;
@@ -67,7 +68,7 @@ Result<std::vector<KeptProposal>> proposals_that_stay(MapFile* file, StoredMap* 
   return others;
 }
 
-/// What was due of what is still there.
+/// The work that was due of what is still there, under new ids.
 WorkRecord work_left(const StoredMap& stored, const MapState& state, const Renumbering& now,
                      bool is_changed) {
   WorkRecord work = stored.record.work.value_or(WorkRecord());

@@ -10,11 +10,11 @@
 
 namespace cairn {
 
-/// What a map loses when it is written anew.
+/// How a map is written anew, and what it loses by that.
 struct MapRewrite {
-  /// Takes it out of the map. Error: the map stays as it is.
+  /// Takes out of the map what it loses. Error: the map stays as it is.
   std::function<Status(const StoredMap& stored, MapState* state)> take_out;
-  /// What becomes of what was decided, of which the ids are others now.
+  /// Changes the decisions, whose ids are others now.
   std::function<void(const Renumbering& now, std::vector<DecisionRecord>* decisions)> follow;
   std::string dropped_client = {};  ///< whose proposals go, too; empty: nobody's
   bool is_changed = true;           ///< what is left is to be adjusted anew

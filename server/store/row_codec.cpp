@@ -406,7 +406,7 @@ bool get_extent(ByteReader* in, std::optional<Extent>* extent) {
 
 }  // namespace
 
-/// In the last flag: whether the extents of `wanting_points` follow it.
+/// Bits of the last flag: kHasExtents says whether the extents of `wanting_points` follow it.
 constexpr uint8_t kIsDue = 1;
 constexpr uint8_t kHasExtents = 2;
 

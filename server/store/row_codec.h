@@ -34,7 +34,7 @@ using CameraRows = std::map<int64_t, CameraPtr>;
 [[nodiscard]] constexpr int64_t calibrated_camera_row(int index) {
   return -1 - int64_t{index};
 }
-/// What is known of a camera that is self-calibrated, but for its values.
+/// Encodes what is known of a self-calibrated camera, but for its values.
 [[nodiscard]] Blob encode_calibrated_camera(const MapCamera& camera);
 [[nodiscard]] std::optional<CalibratedCameraRecord> decode_calibrated_camera(int index,
                                                                              std::span<const uint8_t> row,

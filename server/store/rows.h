@@ -32,7 +32,7 @@ inline constexpr std::string_view kAllRows = "true";
                                 const std::function<void(int64_t id, std::string what)>& unfit,
                                 std::string_view which = kAllRows);
 
-/// The same, where a table that cannot be read to its end is damage like that of a row.
+/// read_table() where a table that cannot be read to its end is damage like that of a row.
 void read_rows(sqlite::Database* database, std::string_view table, const UseRow& use,
                std::vector<std::string>* damage, std::string_view which = kAllRows);
 

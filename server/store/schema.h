@@ -16,9 +16,9 @@ struct Schema {
 
 /// One map (map_file.h).
 [[nodiscard]] const Schema& map_schema();
-/// What belongs to the server as a whole (store.h).
+/// Schema of the catalogue: what belongs to the server as a whole (store.h).
 [[nodiscard]] const Schema& catalogue_schema();
-/// What a site decides, and what happens at it (site_file.h).
+/// Schema of the site's file: what a site decides, and what happens at it (site_file.h).
 [[nodiscard]] const Schema& site_schema();
 
 /// Version of an open file; 0: nothing has been written to it. Error kDamaged: a database of another program.

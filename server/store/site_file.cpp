@@ -24,7 +24,7 @@ std::string kept_words(std::string_view text) {
   return std::string(cut_text(one_line(text), kMostWords));
 }
 
-/// So that what is looked for stands for itself in LIKE ... ESCAPE '\'.
+/// Escapes a text so that it stands for itself in LIKE ... ESCAPE '\'.
 std::string escaped(std::string_view text) {
   std::string pattern;
   for (const char c : text) {
@@ -38,8 +38,8 @@ AuditEntry entry_of(const sqlite::Statement& row) {
   return {row.integer(0), {row.integer(1)}, row.text(2), row.text(3), row.text(4), row.text(5)};
 }
 
-/// So many entries of each are kept that all have room together: who has fewer keeps all (max-min fairness).
-/// `counts`: by rising number.
+/// Most entries that each keeps so that all have room together: who has fewer keeps all (max-min fairness).
+/// `counts`: entries of each, by rising number.
 int64_t fair_share(const std::vector<std::pair<std::string, int64_t>>& counts, int64_t room) {
   auto left = static_cast<int64_t>(counts.size());
   for (const auto& [who, entries] : counts) {

@@ -39,8 +39,8 @@ struct AuditQuery {
   size_t limit = 100;
 };
 
-/// What a site decides and what happens at it: the rights, as text of `server/access`, whether only who has
-/// keys takes part, and the audit log. One SQLite file beside the maps; one thread at a time.
+/// Keeps what a site decides and what happens at it: the rights, as text of `server/access`, whether only who
+/// has keys takes part, and the audit log. One SQLite file beside the maps; one thread at a time.
 class SiteFile {
  public:
   /// Opens the file, or makes it. Errors: kDamaged (not to be read, or of another program), kConfiguration
@@ -49,26 +49,28 @@ class SiteFile {
 
   /// The text that was kept last; nothing when none ever was. Error kDamaged: it is not what was written.
   [[nodiscard]] Result<std::optional<std::string>> rights();
-  /// Durable with the entry that says who changed it and how, or not at all.
+  /// Keeps the rights; they are durable with the entry that says who changed them and how, or nothing is.
   [[nodiscard]] Status keep_rights(std::string_view text, const AuditEntry& entry);
 
-  /// Since when only who has keys takes part; nothing: it is an open site. Error kDamaged, as of rights().
+  /// Time since when only those with keys take part; nothing: it is an open site. Error kDamaged, as of
+  /// rights().
   [[nodiscard]] Result<std::optional<Timestamp>> secured_since();
-  /// Secured from `entry.time` on, with these rights: durable with the entry, or not at all.
+  /// Makes the site a secured one from `entry.time` on, with these rights: durable with the entry, or not at
+  /// all.
   [[nodiscard]] Status keep_secured(std::string_view rights, const AuditEntry& entry);
 
-  /// Of a secured site: the fingerprint of the authority whose keys it was last used with; nothing: of none
-  /// yet. Error kDamaged, as of rights().
+  /// Fingerprint of the authority whose keys a secured site was last used with; nothing: none yet. Error
+  /// kDamaged, as of rights().
   [[nodiscard]] Result<std::optional<std::string>> authority();
-  /// Durable with the entry, if there is one, or not at all.
+  /// Keeps that fingerprint; it is durable with the entry, if there is one, or nothing is.
   [[nodiscard]] Status keep_authority(std::string_view fingerprint, const std::optional<AuditEntry>& entry);
 
-  /// Durable on return.
+  /// Appends to the audit log; the entries are durable on return.
   [[nodiscard]] Status append(std::span<const AuditEntry> entries);
-  /// The newest first.
+  /// Entries of the audit log that match a query, the newest first.
   [[nodiscard]] Result<std::vector<AuditEntry>> find(const AuditQuery& query);
-  /// Removes the oldest of those who have most entries where there are more than `most`: who places labels
-  /// day and night pushes out nobody else's; how many went.
+  /// Where there are more than `most` entries, removes the oldest of those who have most: who places labels
+  /// day and night pushes out nobody else's. Returns how many went.
   [[nodiscard]] Result<int64_t> prune(int64_t most);
 
  private:

@@ -64,7 +64,7 @@ int system_error_of(sqlite3* database) {
   return error;
 }
 
-/// What the last call on `database` failed of.
+/// The error of the last call on `database`.
 tl::unexpected<Error> failure(int code, const std::string& path, sqlite3* database) {
   return failure(code, path, sqlite3_errmsg(database), system_error_of(database));
 }

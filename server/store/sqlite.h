@@ -24,9 +24,9 @@ class Statement {
   Statement& bind(int index, std::string_view text);
   Statement& bind(int index, std::span<const uint8_t> blob);  ///< borrowed until the next reset()
 
-  /// To the next row: true; to the end: false.
+  /// Steps to the next row. Returns false at the end.
   [[nodiscard]] Result<bool> step();
-  /// step() of a statement without rows, then reset().
+  /// Runs a statement without rows, then resets it.
   [[nodiscard]] Status run();
   void reset();
 

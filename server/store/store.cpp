@@ -25,7 +25,7 @@ constexpr size_t kProbeBytes = 1 << 20;         ///< two keyframes (README.md)
 
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
 
-/// For operators, of what has no other reasons.
+/// Reasons, for operators, of set-aside files that have no others.
 constexpr const char* kLoneLog = "a log without its file: the map's last changes may be in it";
 constexpr const char* kAsideAtEnd =
     "the server ended while it set this aside; the reasons are in what it logged then";
@@ -75,7 +75,7 @@ Status check_is_of(MapId map, const MapHeader& header, const fs::path& path) {
   return fail(ErrorCode::kDamaged, path.string() + ": holds another map, " + to_hex(header.id.bytes));
 }
 
-/// Of a tag that is made before a roll-back, so that it can be taken back.
+/// Name of the tag that is made before a roll-back, by which it can be taken back.
 std::string free_name(const std::vector<MapTag>& tags) {
   for (uint64_t number = 1;; ++number) {
     std::string name = "before-rollback-" + std::to_string(number);
@@ -129,7 +129,7 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   return store;
 }
 
-/// What a server left that ended while it moved a file.
+/// Parts with logs that a server left that ended while it moved a file.
 Status Store::part_with_lone_logs(const char* part) const {
   const auto entries = entries_of(folder_ / part);
   if (!entries) return tl::unexpected(entries.error());
@@ -140,7 +140,7 @@ Status Store::part_with_lone_logs(const char* part) const {
   return {};
 }
 
-/// SQLite would take it for that of the next file there.
+/// A log that stays would be taken by SQLite for that of the next file there.
 Status Store::part_with_lone_log(const fs::path& log) const {
   std::error_code ignored;
   if (fs::file_size(log, ignored) == 0) {
@@ -370,7 +370,7 @@ Status Store::create(const MapHeader& header, const MapUpdate& whole) {
   return made;
 }
 
-/// In its place the file is whole from the first moment, so that one which is not is known to be damaged.
+/// The file is whole before it is moved to its place, so that one there which is not is known to be damaged.
 Status Store::make(const MapHeader& header, const MapUpdate& whole, MapFile* images) const {
   const fs::path fresh = fresh_path_of(header.id);
   if (Status made = make_file(fresh, header, whole, images); !made) return made;
@@ -525,7 +525,7 @@ Status Store::show(const fs::path& path, const AcceptState& accept) {
   return accept ? accept(file->load()) : Status();
 }
 
-/// Where the server ends between the two, the next start puts the new one in its place.
+/// If the server ends between the two steps, the next start puts the new file in its place.
 Status Store::finish_rewrite(MapId map) const {
   if (Status removed = remove_database(path_of(map)); !removed) {
     discard_database(saved_path_of(map));

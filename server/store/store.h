@@ -26,7 +26,7 @@ struct DeletedMap {
   std::optional<Error> problem;  ///< why its file cannot be used (kDamaged) or read now; the id is known then
 };
 
-/// What was decided on a map that was deleted since: on its seed, and the last of the rest.
+/// Decisions on a map that was deleted since: the one on its seed, and the last of the rest.
 struct DeletedDecisions {
   MapHeader header;
   std::vector<DecisionRecord> decisions;
@@ -63,54 +63,56 @@ class Store {
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
-  /// The same through all starts.
+  /// Id of the server, the same through all starts.
   [[nodiscard]] ServerId server() const { return server_; }
-  /// Larger at every start, and not below the wall clock [ms]: later than any epoch in which a map has been
-  /// served from here, whatever has become of it, and of a backup or a catalogue that was lost.
+  /// Number of this start: larger at every start, and not below the wall clock [ms]. It is later than any
+  /// epoch in which a map has been served from here, whatever has become of it, and of a backup or a
+  /// catalogue that was lost.
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
-  /// Those that are in use, ascending. Each was whole once: what a server that ended had begun to make is
+  /// Maps that are in use, ascending. Each was whole once: what a server that ended had begun to make is
   /// removed at the start.
   [[nodiscard]] std::vector<MapId> maps() const;
-  /// Ids of those that were deleted, ascending; they are not given again.
+  /// Ids of deleted maps, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
-  /// The same with what they were, those that cannot be used among them, the latest deleted first. Opens each
-  /// file, and writes nothing: to purge one must be possible on a full disk.
+  /// Deleted maps with what they were, those that cannot be used among them, the latest deleted first. Opens
+  /// each file, and writes nothing: to purge one must be possible on a full disk.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
-  /// Of the `maps` that were deleted last, as far as their files can be read; of each as
-  /// MapFile::read_decisions().
+  /// Decisions on the `maps` maps that were deleted last, as far as their files can be read. They are those
+  /// of MapFile::read_decisions() with `newest`.
   [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted(size_t maps, int64_t newest) const;
 
   /// Maps whose place could not be taken at the start by what had been saved of them: none of maps().
   [[nodiscard]] const std::vector<UnloadedMap>& unplaced() const { return unplaced_; }
 
-  /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
+  /// Files that have been set aside and that nobody has taken away, by id and time. By any thread.
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const;
 
-  /// Where the file of a map in use is. By any thread.
+  /// Path of the file of a map in use. By any thread.
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
 
-  /// All of a map, but for rows of proposals that are damaged, which are removed and named in the log. It has
-  /// begun a new epoch that is persisted: later than those of the file, and than any in which a map of that
-  /// id has been served from here, be it that another copy of it was deleted and purged. Different maps may
-  /// be loaded at the same time, by any thread. Errors: as MapFile::open().
+  /// Reads all of a map and begins a new epoch of it, which is persisted: later than those of the file, and
+  /// than any in which a map of that id has been served from here, be it that another copy of it was deleted
+  /// and purged. Rows of proposals that are damaged are left out; unless the rest is damaged, too, they are
+  /// removed and named in the log. Different maps may be loaded at the same time, by any thread. Errors: as
+  /// MapFile::open().
   [[nodiscard]] Result<StoredMap> load(MapId map);
 
   /// Adds a map. Error kRefused when its id is in use; nothing that is there is overwritten.
   [[nodiscard]] Status create(const MapHeader& header, const MapUpdate& whole);
-  /// As MapFile::write().
+  /// Writes updates of a map as MapFile::write() does.
   [[nodiscard]] Status write(MapId map, std::span<const MapUpdate> updates);
   [[nodiscard]] Status rename(MapId map, const std::string& name);
-  /// As MapFile's.
+  /// These four do what MapFile's do.
   [[nodiscard]] Status tag(MapId map, MapTag tag);
   [[nodiscard]] Result<std::vector<MapTag>> tags(MapId map);
   [[nodiscard]] Status untag(MapId map, const std::string& name);
   [[nodiscard]] Result<MapTag> find_tag(MapId map, const std::string& name);
-  /// As MapFile::roll_back(), in an epoch as of load(). `before` is called before-rollback-N. Over a
-  /// connection of its own, beside the thread that writes other maps: after close(), and nobody writes this
-  /// map.
+  /// Rolls a map back as MapFile::roll_back() does, in a later epoch, as load() begins one. `before` is
+  /// called before-rollback-N. Uses a connection of its own, beside the thread that writes other maps.
+  /// Precondition: close() was called, and nobody writes this map.
   [[nodiscard]] Status roll_back(MapId map, const std::string& name, MapTag before,
                                  const AcceptState& accept);
   /// Says in the log which proposals could not be read of a map that goes on without them.
@@ -118,24 +120,24 @@ class Store {
   /// Closes the map's file, which another connection is about to change or has changed: it is opened anew
   /// when it is needed.
   void close(MapId map);
-  /// As MapFile::read_images().
+  /// Reads images of a map as MapFile::read_images() does.
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
-  /// As MapFile::read_proposal().
+  /// Reads a proposal to a map as MapFile::read_proposal() does.
   [[nodiscard]] Result<KeptProposal> read_proposal(MapId map, uint64_t number);
-  /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place. An error leaves
-  /// it where it was.
+  /// Moves a map to the deleted ones and back. Idempotent. Error kNotFound for a map that is in neither
+  /// place. An error leaves it where it was.
   [[nodiscard]] Status remove(MapId map);
   [[nodiscard]] Status undelete(MapId map);
   /// Removes a deleted map for good. Idempotent. An error leaves it as it was.
   [[nodiscard]] Status purge(MapId map);
-  /// Take undelete() and import_map() back, when the map cannot be served after all.
+  /// These undo undelete() and import_map(), when the map cannot be served after all.
   [[nodiscard]] Status undo_undelete(MapId map);
   [[nodiscard]] Status undo_import(MapId map);
 
-  /// Which maps have a place in common, as was last kept before this start; of deleted maps, too.
+  /// Maps that have a place in common, as last kept before this start; deleted ones, too.
   [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
-  /// In place of all that was kept before.
+  /// Keeps these overlaps, in place of all that was kept before.
   [[nodiscard]] Status keep_overlaps(std::span<const OverlapRecord> overlaps) const;
 
   /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
@@ -152,17 +154,18 @@ class Store {
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
   /// not while it is removed. `path` must not exist. What was proposed to the map stays here.
   [[nodiscard]] Status export_map(MapId map, const std::filesystem::path& path) const;
-  /// As MapFile::contributions().
+  /// Reads the contributions to a map as MapFile::contributions() does.
   [[nodiscard]] Result<std::vector<Contribution>> contributions(MapId map);
-  /// A map's file with other content, without tags, in two steps: whole beside the map, in an epoch as of
-  /// load(), shown to `accept`; then in its place. Not accepted: nothing has happened. `images`: of another
-  /// file, under the ids that they have `now`; it is closed before the second step. As roll_back() beside the
-  /// thread that writes other maps.
+  /// These give a map's file other content, without tags, in two steps. The first makes the new file whole
+  /// beside the map, in an epoch as of load(), and shows it to `accept`; if that does not accept, nothing has
+  /// happened. The second puts it into the map's place. `images` are those of another file, under the ids
+  /// that they have `now`; that file is closed before the second step. As roll_back() beside the thread that
+  /// writes other maps.
   [[nodiscard]] Status prepare_rewrite(const MapHeader& header, const MapUpdate& whole, MapFile* images,
                                        const KeyframeIds& now, const AcceptState& accept);
   [[nodiscard]] Status finish_rewrite(MapId map) const;
-  /// A map of its own that is like another, without its tags and decisions, under an id that is free. Over a
-  /// connection of its own, as export_map().
+  /// Makes a map of its own that is like another, without its tags and decisions, under an id that is free.
+  /// Uses a connection of its own, as export_map() does.
   [[nodiscard]] Status copy_map(MapId map, MapId copy, const std::string& name) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. Its images are
   /// decoded one after another. kRefused when the id is in use (it says by which file) or the images take
@@ -183,12 +186,12 @@ class Store {
   };
   Store(std::filesystem::path folder, std::unique_ptr<Lock> lock, Logger log);
   [[nodiscard]] Status part_with_lone_logs(const char* part) const;
-  /// To its file, or to `damaged`.
+  /// Moves a log that lies alone to its file, or to `damaged`.
   [[nodiscard]] Status part_with_lone_log(const std::filesystem::path& log) const;
-  /// The file that a log which lies alone was left behind by, wherever that has been moved to.
+  /// The file of a log that lies alone, wherever the file has been moved to; nothing if it is not known.
   [[nodiscard]] std::optional<std::filesystem::path> moved_file_of(const std::filesystem::path& log) const;
-  /// A file with its companions to where a map's file belongs, and no other log with it. Errors: kRefused
-  /// (there is one), kIo.
+  /// Moves a file with its companions to where a map's file belongs, where no other log may join it. Errors:
+  /// kRefused (there is a file), kIo.
   [[nodiscard]] Status put_in_place(const std::filesystem::path& from, const std::filesystem::path& to) const;
   [[nodiscard]] Status finish_replacements();
   [[nodiscard]] Status open_catalogue();
@@ -203,15 +206,15 @@ class Store {
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path saved_path_of(MapId map) const;
-  /// Error kRefused: it is in use; by which file.
+  /// Checks that no file has the id of a map. Error kRefused, with the file that has it.
   [[nodiscard]] Status check_is_free(const MapHeader& header) const;
   [[nodiscard]] Result<MapId> take_in(MapFile* archive, uint64_t most_image_bytes) const;
-  /// `images`: of another file, beside those of `whole`.
+  /// Makes the file of a map in its place. `images`: of another file, beside those of `whole`.
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole, MapFile* images = nullptr) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
-  /// What is in a file, in an epoch that it begins.
+  /// Begins a new epoch of the map in a file, and shows the map to `accept`.
   [[nodiscard]] Status show(const std::filesystem::path& path, const AcceptState& accept);
-  /// Over another connection. Errors: as MapFile::open(); kDamaged: it is another map's.
+  /// Opens a map's file over another connection. Errors: as MapFile::open(); kDamaged: it is another map's.
   [[nodiscard]] Result<MapFile> open_own(MapId map) const;
   void keep_open(MapId map, MapFile file);
 
@@ -222,13 +225,13 @@ class Store {
   uint64_t start_count_ = 0;
   std::mutex epochs_mutex_;     ///< of what follows
   uint64_t last_epoch_ = 0;     ///< given to any map, the start included
-  std::set<MapId> not_loaded_;  ///< of those that were there at the start
+  std::set<MapId> not_loaded_;  ///< maps that were there at the start and are not loaded yet
   std::vector<OverlapRecord> overlaps_;
   std::vector<UnloadedMap> unplaced_;
   std::list<OpenFile> open_files_;  ///< the one used last in front
 };
 
-/// All of an archive, which is brought to the present schema.
+/// Reads all of an archive, and brings the file to the present schema.
 [[nodiscard]] Result<StoredMap> read_archive(const std::filesystem::path& path);
 
 }  // namespace cairn

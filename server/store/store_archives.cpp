@@ -10,10 +10,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of an archive [ms, as start_count()]: the year 71 000. What follows it must be a number, too.
+/// Latest epoch of an archive [ms, as start_count()]: the year 71 000. What follows it must be a number, too.
 constexpr uint64_t kLatestEpoch = uint64_t{1} << 51;
 
-/// What is said of a file, without its name.
+/// The message without the name of the file that it is about.
 std::string without_path(std::string message, const fs::path& path) {
   const std::string name = path.string() + ": ";
   for (size_t at = message.find(name); at != std::string::npos; at = message.find(name, at))

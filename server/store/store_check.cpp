@@ -44,13 +44,14 @@ Status check_database(const fs::path& path, const Schema& schema) {
   return check_schema(&*database, schema, *version);
 }
 
-/// That the disk is full or may not be written says nothing of what is in the file.
+/// Notes an error as a fault, or as the reason why the file was not checked: that the disk is full or may not
+/// be written says nothing of what is in the file.
 void note(const Error& error, FileCheck* found) {
   error.code == ErrorCode::kIo ? found->not_checked = error.message
                                : found->faults.emplace_back(error.message);
 }
 
-/// What the rows say of each other.
+/// Checks what the rows of a map say of each other. Returns what is wrong.
 std::vector<std::string> check_references(const StoredMap& map, FileCheck* found) {
   std::vector<std::string> faults;
   if (map.epochs.empty() || map.epochs.back().epoch != map.header.epoch)

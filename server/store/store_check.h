@@ -13,7 +13,7 @@
 /// A look at every row of a store's files. It changes nothing that a start would not change.
 namespace cairn {
 
-/// What was found in one file.
+/// The result of checking one file.
 struct FileCheck {
   std::string part;  ///< as below the store's folder: "maps/ID.cairnmap"
   std::string name;  ///< of a map, where it could be read

@@ -163,7 +163,7 @@ BundleProblem synthetic_desk(int poses, int points, int observations) {
   return problem;
 }
 
-/// What was printed.
+/// Compares and prints variants of a solver, and returns what was printed as JSON.
 nlohmann::json compare(const std::string& name, const BundleProblem& start,
                        const std::vector<Variant>& variants, int repeats) {
   const BundleReport end = timed(variants.front(), start, to_the_end(kUntilConverged)).report;

@@ -314,7 +314,7 @@ ChosenCamera with_prior(CameraPtr camera, const IntrinsicsPrior& guess) {
   return {std::move(camera), CameraPrior{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
 }
 
-/// With `auto`: what is known of a camera that is self-calibrated.
+/// The camera for `auto`: what is known of a self-calibrated camera at first.
 Result<ChosenCamera> choose_uncertain_camera(const Arguments& arguments, const Frame& first) {
   const ImageSize size{first.image->width(), first.image->height()};
   IntrinsicsPrior guess = guess_camera(size);

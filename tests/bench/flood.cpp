@@ -167,7 +167,7 @@ class Flood {
       (void)writer.write(*message);
     }
   }
-  /// Of a kind, whatever its numbers.
+  /// Counts an answer of a kind by its reason, whatever the numbers in it.
   void hear(const std::string& kind, const std::string& reason) {
     std::string words;
     for (const char c : reason) {

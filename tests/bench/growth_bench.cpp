@@ -37,7 +37,7 @@ struct Arguments {
 
 // ---- maps of any size ----
 
-/// Where a map is, and where those who made it looked.
+/// Extent of a map, and where those who made it looked.
 struct Extent {
   Eigen::Vector3d looking;  ///< unit
   double radius;            ///< about their middle, nine points in ten [map unit]
@@ -67,8 +67,8 @@ Extent extent_of(const MapSnapshot& map) {
   return {looking.normalized(), percentile(distances, 0.9)};
 }
 
-/// Of the n-th copy, from 1 on, against the map: every other one behind it, the others around the line of
-/// sight, turned.
+/// Pose of the n-th copy, from 1 on, against the map: every other one behind it, the others around the line
+/// of sight, turned.
 SE3 place_of_copy(const Extent& extent, int n) {
   const double far = extent.radius * (1.5 + 0.5 * n);
   if (n % 2 == 1) return {Eigen::Quaterniond::Identity(), far * extent.looking};
@@ -167,7 +167,7 @@ class ProjectProbe final : public StageProbe {
   void end(Stage stage) override {
     if (stage == Stage::kProject) ms_ += thread_cpu_ms() - began_;
   }
-  /// Of the frame.
+  /// Takes the processor time [ms] of the projection in a frame; the next one counts from 0.
   [[nodiscard]] double take() { return std::exchange(ms_, 0.0); }
 
  private:
@@ -207,7 +207,7 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
   }
 }
 
-/// What was printed.
+/// Prints a row of results, and returns it as JSON.
 nlohmann::json print_row(size_t wanted, const MapSnapshot& map, const std::vector<FrameCost>& costs,
                          const std::vector<FrameCost>& in_first) {
   std::vector<double> ms, project, attempted, found, growth;

@@ -16,8 +16,8 @@ namespace cairn {
 /// taken at a place about it by another.
 class ImageStatistics {
  public:
-  /// Of every `every`-th frame of some recordings with images of 640x480; others are passed over. Frames
-  /// `apart` apart (in frames) are taken for two images of one place.
+  /// Measures statistics of every `every`-th frame of some recordings with images of 640x480; others are
+  /// passed over. Frames `apart` apart (in frames) are taken for two images of one place.
   [[nodiscard]] static Result<ImageStatistics> measure(const std::vector<std::string>& sources, size_t every,
                                                        size_t apart);
 

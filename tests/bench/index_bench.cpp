@@ -104,7 +104,7 @@ class World {
                                    std::move(words)));
     }
   }
-  /// Every second one of a place that is mapped.
+  /// Draws queries, every second one of a place that is mapped.
   std::vector<Query> ask(size_t count) {
     std::vector<Query> queries;
     for (size_t i = 0; i < count; ++i) {
@@ -119,7 +119,7 @@ class World {
   PlaceIndex index;
 
  private:
-  /// As many as a recorded keyframe has and as scattered over cells, but others in each map.
+  /// Draws words: as many as a recorded keyframe has and as scattered over cells, but others in each map.
   std::vector<WordId> draw_words(size_t renaming) {
     if (recorded_ == nullptr) return {};
     const auto& keyframes = recorded_->map->keyframes;
@@ -177,7 +177,7 @@ Measured measure(const std::vector<Query>& queries, const std::vector<std::vecto
   return measured;
 }
 
-/// What was printed.
+/// Prints a row of results, and returns it as JSON.
 nlohmann::json report(size_t keyframes, const char* what, const Measured& m, const std::string& note) {
   const double recall_mapped = static_cast<double>(m.found_mapped) / static_cast<double>(m.wanted_mapped);
   const double recall_elsewhere = static_cast<double>(m.found_else) / static_cast<double>(m.wanted_else);

@@ -17,11 +17,12 @@ struct KeptMap {
   std::vector<StampedPose> poses;  ///< map_from_camera, that the tracker or the map maker gave
 };
 
-/// As folder/NAME.cairn, a map file, and folder/NAME.txt, a trajectory; what is there is replaced.
+/// Keeps a map as folder/NAME.cairn, a map file, and its poses as folder/NAME.txt, a trajectory; what is
+/// there is replaced.
 [[nodiscard]] Status keep_map(const std::filesystem::path& folder, const std::string& name, const MapId& map,
                               const MapRecord& record, const std::vector<StampedPose>& poses);
 
-/// kNotFound: it was never kept there.
+/// Reads a map that keep_map() has kept. Error kNotFound: it was never kept there.
 [[nodiscard]] Result<KeptMap> read_kept_map(const std::filesystem::path& folder, const std::string& name,
                                             const MapId& map);
 

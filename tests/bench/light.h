@@ -19,8 +19,8 @@ struct Light {
 };
 [[nodiscard]] std::string to_string(const Light& light);
 
-/// As recorded, and each change that a place must be found again under, alone: gain 0.5 and 2, bias -40 and
-/// +40, gamma 0.5 and 2.
+/// Light as recorded, and each change under which a place must be found again, alone: gain 0.5 and 2, bias
+/// -40 and +40, gamma 0.5 and 2.
 [[nodiscard]] std::span<const Light> lights_to_stand();
 
 [[nodiscard]] std::array<uint8_t, 256> light_table(const Light& light);

@@ -51,7 +51,7 @@ Result<Recording> open_recording(const ListedPlace& listed, const PlacesOptions&
   return recording;
 }
 
-/// All that are left. A frame that cannot be decoded is passed over.
+/// Reads all frames that are left. A frame that cannot be decoded is passed over.
 std::vector<Frame> read_all(FrameSource* source) {
   std::vector<Frame> frames;
   for (auto next = source->next(); !next || *next; next = source->next()) {
@@ -60,7 +60,7 @@ std::vector<Frame> read_all(FrameSource* source) {
   return frames;
 }
 
-/// Evenly spread over the frames; where there is truth, over those that have it.
+/// Chooses queries evenly spread over the frames; where there is truth, over those that have it.
 std::vector<Query> choose_queries(const std::vector<Frame>& frames, const Truth& truth) {
   std::vector<Query> all;
   for (const Frame& frame : frames) {
@@ -74,7 +74,7 @@ std::vector<Query> choose_queries(const std::vector<Frame>& frames, const Truth&
   return chosen;
 }
 
-/// What is known of the map by the truth.
+/// Puts into `place` what the truth says of the map.
 Status measure_map(const std::vector<StampedPose>& poses, const Truth& truth, bool is_metric, Place* place) {
   if (truth.empty()) return {};
   const auto aligned = align(poses, truth);

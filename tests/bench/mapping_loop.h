@@ -20,21 +20,21 @@ namespace cairn {
 class MappingObserver {
  public:
   virtual ~MappingObserver() = default;
-  /// Before anything is done about the result.
+  /// Called before anything is done about the result.
   virtual void on_frame(const Frame&, const FrameResult&, double /*ms*/) {}
   virtual void on_answer(const RelocalizationAnswer&) {}
-  /// When the map's first work is done; `ms`: of the start alone.
+  /// Called when the map's first work is done; `ms`: of the start alone.
   virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
   virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
   virtual void on_work(const StepReport&, double /*ms*/) {}
-  /// What self-calibration has found of a camera that began with a prior.
+  /// Called with what self-calibration has estimated of a camera that began with a prior.
   virtual void on_camera(const CameraEstimate&) {}
 };
 
-/// All work that a map has left, to its end; nothing stops or yields.
+/// Does all work that a map has left, to its end; nothing stops or yields.
 void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer);
 
-/// What a tracker is told of an answer: the best place, if it is confirmed.
+/// The hypothesis that a tracker is told of an answer: the best place, if it is confirmed.
 [[nodiscard]] std::optional<PoseHypothesis> hypothesis_of(const RelocalizationAnswer& answer);
 
 struct MappingOptions {
@@ -62,9 +62,9 @@ class MappingLoop {
   /// Null without a map.
   [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
-  /// All of the map; there is one.
+  /// The record of all of the map. Precondition: there is one.
   [[nodiscard]] MapRecord record();
-  /// The map as the relocalizer has it; null without one.
+  /// The map as the relocalizer has it indexed; null without one.
   [[nodiscard]] IndexedMapPtr indexed() const {
     return index_.maps().empty() ? nullptr : index_.maps().front();
   }
@@ -88,7 +88,7 @@ class MappingLoop {
   std::vector<ImuSample> samples_;  ///< of a frame
   std::optional<Timestamp> began_;  ///< the recording
   std::vector<std::pair<KeyframeProposal, Frame>> held_back_;
-  /// Where a proposal is in the map.
+  /// Pose of a proposal in the map, relative to a keyframe.
   struct Link {
     KeyframeId keyframe;
     SE3 camera_from_keyframe;

@@ -242,7 +242,7 @@ void BM_TinyImage(benchmark::State& state) {
 }
 BENCHMARK(BM_TinyImage);
 
-/// Of this frame and one a tenth of a second later.
+/// Aligns the tiny images of this frame and one a tenth of a second later.
 void BM_AlignTiny(benchmark::State& state) {
   constexpr int kLater = 3;
   FrameImages later;
@@ -253,7 +253,7 @@ void BM_AlignTiny(benchmark::State& state) {
 }
 BENCHMARK(BM_AlignTiny);
 
-/// With the corners found.
+/// Describes a place whose corners are already found.
 void BM_DescribePlace(benchmark::State& state) {
   const auto& corners = prepared().all_corners();
   size_t described = 0;
@@ -262,7 +262,7 @@ void BM_DescribePlace(benchmark::State& state) {
 }
 BENCHMARK(BM_DescribePlace);
 
-/// Of the same corners.
+/// Describes the same corners by OpenCV's ORB.
 void BM_OrbOfOpenCv(benchmark::State& state) {
   cv::setNumThreads(1);
   const cv::Mat image = as_mat(frame().view());

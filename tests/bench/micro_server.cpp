@@ -127,7 +127,8 @@ void BM_IndexKeyframe(benchmark::State& state) {
 }
 BENCHMARK(BM_IndexKeyframe)->Unit(benchmark::kMicrosecond);
 
-/// As many new points as most keyframes have that are indexed again while a map grows (7scenes: 4).
+/// Indexes a keyframe again with as many new points as most have that are indexed again while a map grows
+/// (7scenes: 4).
 void BM_IndexKeyframeAgain(benchmark::State& state) {
   const KeyframeView view = measured_view();
   KeyframeView before = view;
@@ -137,7 +138,7 @@ void BM_IndexKeyframeAgain(benchmark::State& state) {
 }
 BENCHMARK(BM_IndexKeyframeAgain)->Unit(benchmark::kMicrosecond);
 
-/// Each corner of an image in all of another: the relocalizer asks only the cells around.
+/// Seeks each corner of an image in all of another: the relocalizer looks only in the cells around.
 void BM_FindNearestFew(benchmark::State& state) {
   constexpr int kLimit = 115;
   constexpr float kRatio = 0.9F;
@@ -234,8 +235,8 @@ struct AutomaticCost {
   double inverse_sigma;
 };
 
-/// As solve_bundle_with_ceres() but for the derivatives. `squared_cutoff` of Tukey's loss. The cost in the
-/// end.
+/// Solves a problem as solve_bundle_with_ceres() does, but with automatic derivatives. `squared_cutoff` of
+/// Tukey's loss. Returns the cost in the end.
 double step_with_automatic_derivatives(BundleProblem* bundle, double squared_cutoff) {
   std::vector<std::array<double, kPoseParameters>> poses(bundle->poses.size());
   for (size_t i = 0; i < poses.size(); ++i)

@@ -29,14 +29,14 @@ struct ListedPlace {
 [[nodiscard]] Result<std::vector<ListedPlace>> parse_places(std::string_view content,
                                                             const std::filesystem::path& name);
 
-/// What of a place lies where.
+/// The files of a place.
 struct PlaceFiles {
   std::string source;       ///< as open_source() takes it
   std::string camera = {};  ///< empty: the recording's own
   std::string truth = {};   ///< empty: none
 };
-/// In `recordings`, a camera also in `beside`, the folder of the list. Errors name what is missing:
-/// kNotFound.
+/// Finds the files of a place in `recordings`, its camera also in `beside`, the folder of the list. Errors
+/// name what is missing: kNotFound.
 [[nodiscard]] Result<PlaceFiles> find_files(const ListedPlace& place, const std::filesystem::path& recordings,
                                             const std::filesystem::path& beside);
 

@@ -43,7 +43,7 @@ enum class Method : uint8_t { kOurs, kPaper, kWords, kWordsConfirmed, kCount };
 constexpr size_t kMethods = static_cast<size_t>(Method::kCount);
 constexpr std::array<const char*, kMethods> kMethodNames = {"ours", "paper", "words", "words+geometry"};
 
-/// What was answered: a pose near a keyframe of a map.
+/// An answer: a pose near a keyframe of a map.
 struct Said {
   MapId map;
   KeyframeId keyframe;
@@ -126,7 +126,7 @@ Judged judge(const Place& place, const Query& query, const std::optional<Said>& 
   return judged;
 }
 
-/// Of one method under one light.
+/// Result of one method under one light.
 struct Score {
   Recall recall;       ///< with all maps
   size_t foreign = 0;  ///< queries to an index without the place's own map
@@ -184,7 +184,7 @@ class Examination {
     return "?";
   }
 
-  /// What went wrong.
+  /// Prints what went wrong with a query.
   void tell(const Place& place, const Light& light, const Query& query, const Judged& judged,
             const std::optional<Said>& claim, const PlaceView& view) const {
     const auto say = [&](const std::string& what) {
@@ -200,8 +200,8 @@ class Examination {
     say("not found; " + find_cause(place, view));
   }
 
-  /// Where a query about a mapped place is lost: the keyframe of its own map that geometry likes best, the
-  /// rank it has by its image and by words, and what geometry says of it.
+  /// Says where a query about a mapped place is lost: the keyframe of its own map that geometry likes best,
+  /// the rank it has by its image and by words, and what geometry says of it.
   [[nodiscard]] std::string find_cause(const Place& place, const PlaceView& view) const {
     const IndexedMap& map = *place.map;
     const RelocOptions options;
@@ -273,7 +273,7 @@ void print_total(const char* method, const std::string& light, const Score& s) {
               percentile(s.times.all(), 0.5), percentile(s.times.all(), 0.95));
 }
 
-/// As print_total().
+/// The figures of print_total() as JSON.
 nlohmann::json total_json(const char* method, const std::string& light, const Score& s) {
   const Recall& r = s.recall;
   return {{"method", method},
@@ -290,7 +290,7 @@ nlohmann::json total_json(const char* method, const std::string& light, const Sc
           {"with_words", spread_json(s.times.by_words())}};
 }
 
-/// Of our answers: what must hold and does not, a line each.
+/// Says what must hold of our answers and does not, a line each.
 std::vector<std::string> complaints(const std::vector<Scores>& totals) {
   constexpr double kLeastRecall = 0.95;
   std::vector<std::string> found;
@@ -320,7 +320,7 @@ bool are_quick(const AnswerTimes& times) {
          percentile(times.by_words(), 0.95) <= kMostWithWords;
 }
 
-/// What is left out, and with --check what does not hold.
+/// An error that names what is left out, and with --check what does not hold.
 Status judge_run(const Places& places, const std::vector<Scores>& totals, const Arguments& arguments) {
   std::vector<std::string> wrong;
   if (!places.left_out.empty())

@@ -28,7 +28,8 @@ struct RecordedMap {
   std::vector<StampedPose> poses;  ///< map_from_camera
   MapRecord record;                ///< of the map
 };
-/// Of at most `frames` frames of `source`, which goes on after them. kDegenerate: no map came of them.
+/// Makes a map of at most `frames` frames of `source`, which goes on after them. Error kDegenerate: no map
+/// came of them.
 [[nodiscard]] Result<RecordedMap> map_beginning(FrameSource* source, size_t frames, const CameraPtr& camera,
                                                 MapId map, uint64_t seed);
 

@@ -74,7 +74,7 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
   return {};
 }
 
-/// What an idle map needs before its next work: its images from the file, decoded and prepared by one
+/// Times what an idle map needs before its next work: its images from the file, decoded and prepared by one
 /// thread.
 Status time_paging_in(const std::filesystem::path& folder) {
   auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
@@ -118,7 +118,7 @@ Status time_paging_in(const std::filesystem::path& folder) {
   return {};
 }
 
-/// From handing in a keyframe to its answer, one after another and with all maps at once.
+/// Times commits, from handing in a keyframe to its answer, one after another and with all maps at once.
 Status time_commits(const StoredMap& map, const std::filesystem::path& folder, int copies, int rounds) {
   auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());

@@ -26,7 +26,7 @@ class Truth {
   std::map<Timestamp, SE3> poses_;
 };
 
-/// What takes a map to its truth, from poses of its making (map_from_camera).
+/// The similarity from a map to its truth, by poses of its making (map_from_camera).
 [[nodiscard]] Result<Similarity3> align(const std::vector<StampedPose>& poses, const Truth& truth);
 
 /// How far a pose is from the truth.

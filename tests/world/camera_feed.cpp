@@ -18,7 +18,7 @@ namespace {
 constexpr int kBacklog = 8;
 constexpr std::chrono::seconds kKept{1};
 
-/// As it lies in a packet, in the byte order of the machine, which both ends share.
+/// A moment as it lies in a packet, in the byte order of the machine, which both ends share.
 struct Packet {
   int64_t time;                  ///< [ns]
   std::array<double, 3> center;  ///< [m]

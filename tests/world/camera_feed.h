@@ -11,8 +11,8 @@
 #include "common/base/time.h"
 #include "common/geometry/se3.h"
 
-/// Where a simulated camera truly is, from the process that moves it to those that render what it sees, judge
-/// it, or both: packets of a local socket, a moment each.
+/// The true poses of a simulated camera, sent by the process that moves it to those that render what it sees,
+/// judge it, or both: packets of a local socket, a moment each.
 namespace cairn {
 
 struct CameraMoment {
@@ -30,7 +30,7 @@ class CameraFeed {
   CameraFeed& operator=(CameraFeed&&) = default;
   ~CameraFeed();
 
-  /// To all that have come. Who does not read what was sent misses moments.
+  /// Sends a moment to all that have come. Who does not read what was sent misses moments.
   void tell(const CameraMoment& moment);
 
  private:

@@ -27,9 +27,9 @@ class Census {
     std::vector<double> shares;  ///< of the image (0 to 1), that each place fills
     double depth = 0;            ///< [m], the median along the camera's axis; 0 where no face is
   };
-  /// Of the whole image, seen with the poses of all bodies.
+  /// Surveys the whole image, seen with the poses of all bodies.
   [[nodiscard]] Survey survey(std::span<const ViewMatrix> camera_from_body) const;
-  /// What there is to see along a ray, given by its point in the plane z = 1; nothing where no face is.
+  /// What is seen along a ray, given by its point in the plane z = 1; nothing where no face is.
   [[nodiscard]] std::optional<Sight> look(std::span<const ViewMatrix> camera_from_body,
                                           const Eigen::Vector2d& ray) const;
 
@@ -38,7 +38,7 @@ class Census {
     float inverse_depth = 0;  ///< [1/m], 0: no face
     int place = -1;
   };
-  /// Of each ray; `view` is a box about them.
+  /// The nearest face along each ray; `view` is a box about the rays.
   [[nodiscard]] std::vector<Hit> cast(std::span<const ViewMatrix> camera_from_body,
                                       std::span<const Eigen::Vector2f> rays, const IdealBox& view) const;
 

@@ -37,7 +37,7 @@ Bitmap fluted(Random& random) {
   return shaft;
 }
 
-/// What is over one gap between columns, and repeats.
+/// The frieze over one gap between columns, which repeats.
 Bitmap frieze(Random& random) {
   Bitmap piece = rough(128, 64, 0.6F, 0.03F, 2, random);
   for (const float x : {4.0F, 14.0F, 24.0F}) piece.fill_rectangle(x, 8, x + 5, 50, 0.38F);

@@ -204,8 +204,8 @@ class DeskBuilder {
     world_.add_panel({-2.5, -3, kFloorZ}, {5, 0, 0}, {0, 3 + kWallY, 0}, floor);
   }
 
-  /// From a start before the keyboard, aside as one starts a map, then over the whole desk, near and far, and
-  /// back.
+  /// The route: from a start before the keyboard, aside as one starts a map, then over the whole desk, near
+  /// and far, and back.
   std::vector<Waypoint> make_route() const {
     const Waypoint start{{-0.03, -0.62, 0.42}, {0.0, 0.02, 0.02}};
     const std::array<Waypoint, 12> stations = {{

@@ -31,7 +31,7 @@ class EventTrain {
 
 /// Adds a hand on its arm, as a body of its own in front of the camera; returns the body's index.
 size_t add_hand(uint64_t seed, Scenario* scenario);
-/// Where the hand is as it comes in from the right, stays before the lens and leaves; `part` from 0 to 1.
+/// Pose of the hand as it comes in from the right, stays before the lens and leaves; `part` from 0 to 1.
 [[nodiscard]] SE3 camera_from_hand(double part);
 
 /// A jerk of the camera to one side and back, about its own axes, up to 25 degrees.

@@ -11,7 +11,7 @@ namespace cairn {
 
 // Things that stand on desks, in the frame of the builder.
 
-/// What most of them are made of.
+/// Materials of which most of these things are made.
 struct Materials {
   TextureRegion dark;
   TextureRegion light;
@@ -26,7 +26,7 @@ void add_monitor(const Placement& at, const TextureRegion& screen, const Materia
                  WorldBuilder* world);
 void add_keyboard(const Placement& at, const TextureRegion& keys, const Materials& materials,
                   WorldBuilder* world);
-/// On its pad.
+/// Adds a mouse on its pad.
 void add_mouse(const Placement& at, const TextureRegion& cloth, const Materials& materials,
                WorldBuilder* world);
 void add_mug(const Placement& at, const TextureRegion& label, const Materials& materials,

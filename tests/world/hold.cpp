@@ -28,7 +28,7 @@ constexpr double kRest = 1.5;          // s between turns
 
 enum Stream : uint64_t { kBookcase = 0x401D01, kSideboard, kSurfaces, kHand, kText };
 
-/// What stands at the right wall and at the rear one, in a room that is closed.
+/// Adds what stands at the right wall and at the rear one, in a room that is closed.
 void furnish(uint64_t seed, WorldBuilder* world) {
   const Materials materials = {world->add_plain(0.09F), world->add_plain(0.72F)};
   Random surfaces(seed, kSurfaces);

@@ -23,7 +23,8 @@ namespace cairn {
 [[nodiscard]] Scenario make_border(const ScenarioOptions& options);
 /// The route of the desk, whose speed is heeded after eight seconds.
 [[nodiscard]] Scenario make_rush(const ScenarioOptions& options);
-/// From the desk along the bookcase to the sideboard and along that: always to what is new.
+/// The scenario of an outage: the route leads from the desk along the bookcase to the sideboard and along
+/// that, always to what is new.
 [[nodiscard]] Scenario make_outage(const ScenarioOptions& options);
 
 }  // namespace cairn

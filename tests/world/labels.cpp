@@ -20,7 +20,7 @@ constexpr const char* kTruthFile = "label_truth.txt";
 constexpr double kPartOfPhase = 0.75;
 constexpr int kFastThreshold = 15;
 constexpr int kBorder = 40;  // px
-/// What is this near in the image may be taken for what is pointed at.
+/// Distance in the image within which something may be taken for what is pointed at.
 constexpr int kSurroundings = 14;     // px
 constexpr double kOneSurface = 0.04;  // of the depth
 

@@ -19,19 +19,19 @@ struct LabelTruth {
   Eigen::Vector3d point;  ///< in the place's frame [m], exact
 };
 
-/// What the wearer does for it.
+/// A thing to label, and where the wearer points at it.
 struct LabelTarget {
   LabelTruth thing;
   Timestamp time;         ///< of the frame in which it is pointed at
   Eigen::Vector2i pixel;  ///< of that frame
 };
 
-/// One for each place that is mapped, when three quarters of its phase are over: of the stronger half of the
-/// image's corners the one nearest to its middle that is of the place and on a surface, not at the edge of
-/// a thing. Later in the phase where that frame has none.
+/// Chooses one target for each place that is mapped, when three quarters of its phase are over: of the
+/// stronger half of the image's corners the one nearest to its middle that is of the place and on a surface,
+/// not at the edge of a thing. Later in the phase where that frame has none.
 [[nodiscard]] std::vector<LabelTarget> choose_label_targets(Simulator* simulator);
 
-/// `labels.txt`, which `cairn-track --labels` reads, and `label_truth.txt`. Error kIo.
+/// Writes `labels.txt`, which `cairn-track --labels` reads, and `label_truth.txt`. Error kIo.
 [[nodiscard]] Status write_label_targets(const std::filesystem::path& directory,
                                          const std::vector<LabelTarget>& targets);
 /// Reads `label_truth.txt`. Errors name file and line: kNotFound, kIo, kDamaged.
@@ -43,7 +43,7 @@ struct PlacedLabel {
   std::string text;
   Eigen::Vector3d position;  ///< in the map
 };
-/// What `cairnctl --json labels` says. Errors name the file: kNotFound, kIo, kDamaged.
+/// Reads the output of `cairnctl --json labels`. Errors name the file: kNotFound, kIo, kDamaged.
 [[nodiscard]] Result<std::vector<PlacedLabel>> read_placed_labels(const std::filesystem::path& path);
 
 }  // namespace cairn

@@ -11,15 +11,15 @@
 
 namespace cairn {
 
-/// Where the eye is and what it looks at, map coordinates [m].
+/// Position of the eye and of what it looks at, map coordinates [m].
 struct Waypoint {
   Eigen::Vector3d eye;
   Eigen::Vector3d target;
 };
 
-/// From 0 to 1 as `part` does, at rest at both ends, twice continuously differentiable: how a hand moves from
-/// one point to another (minimum jerk; Flash and Hogan, J. Neuroscience 1985). Its greatest speed is
-/// kMinimumJerkPeak times the mean one.
+/// A motion from 0 to 1 as `part` goes from 0 to 1, at rest at both ends, twice continuously differentiable:
+/// how a hand moves from one point to another (minimum jerk; Flash and Hogan, J. Neuroscience 1985). Its
+/// greatest speed is kMinimumJerkPeak times the mean one.
 [[nodiscard]] double minimum_jerk(double part);
 constexpr double kMinimumJerkPeak = 1.875;
 

@@ -263,12 +263,12 @@ class OfficeBuilder {
                     surfaces, &world_);
   }
 
-  /// Where one stands on the aisle before a desk, the hand at chest height.
+  /// Position of somebody on the aisle before a desk, the hand at chest height.
   [[nodiscard]] Eigen::Vector3d aisle(int desk) const {
     return map_from_desk_[static_cast<size_t>(desk)] * Eigen::Vector3d(0, -1.05, 0.55);
   }
 
-  /// Along the aisle, and about the end of the row into another one.
+  /// A way along the aisle, and about the end of the row into another one.
   [[nodiscard]] std::vector<Eigen::Vector3d> way(int from, int to) const {
     const Eigen::Vector3d begin = aisle(from);
     const Eigen::Vector3d end = aisle(to);

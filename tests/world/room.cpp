@@ -9,8 +9,8 @@
 namespace cairn {
 namespace {
 
-/// After which the carpet repeats [m]: not what desks stand apart, or else places that look alike would be
-/// the same to the pixel.
+/// Distance [m] after which the carpet repeats: not one at which desks stand apart, or else places that look
+/// alike would be the same to the pixel.
 constexpr double kCarpetPeriod = 8.2;
 constexpr int kCarpetPixels = 4096;  ///< 2 mm each
 

@@ -13,7 +13,7 @@ namespace cairn {
 class RouteBuilder {
  public:
   void add(PhaseKind kind, int place, std::span<const Waypoint> waypoints);
-  /// Where the hand is now; there must be a waypoint.
+  /// The present waypoint of the hand. Precondition: there is one.
   [[nodiscard]] const Waypoint& last() const { return route_.back(); }
   [[nodiscard]] bool empty() const { return route_.empty(); }
   /// Seconds on the clock of the route until what is added next.
@@ -21,7 +21,7 @@ class RouteBuilder {
 
   /// Gives the scenario route, phases and camera; the route ends where it began and goes on for ever.
   void close(Carrier carrier, Scenario* scenario) &&;
-  /// Likewise, but the route ends.
+  /// As close(), but the route ends.
   void finish(Carrier carrier, Scenario* scenario) &&;
 
  private:
@@ -29,15 +29,15 @@ class RouteBuilder {
   std::vector<Phase> phases_;
 };
 
-/// In front of a place and around it, as one who makes a map: aside, left, right, close, from above. The
-/// place is about a metre wide times `scale`, about the origin of its frame, seen from its -y.
+/// Waypoints in front of a place and around it, as of one who makes a map: aside, left, right, close, from
+/// above. The place is about a metre wide times `scale`, about the origin of its frame, seen from its -y.
 [[nodiscard]] std::vector<Waypoint> survey(const SE3& map_from_place, double scale, Random& random);
 
-/// A look at a place by one who comes by.
+/// Waypoints of a look at a place by one who comes by.
 [[nodiscard]] std::vector<Waypoint> glance(const SE3& map_from_place, double scale, Random& random);
 
-/// On foot along a line of points (eye height), from a waypoint to the first of what comes next; looking
-/// ahead and down, or slowly, turning from the first view to the last only.
+/// Waypoints on foot along a line of points (eye height), from a waypoint to the first of what comes next;
+/// looking ahead and down, or slowly, turning from the first view to the last only.
 [[nodiscard]] std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d> through,
                                          const Waypoint& to, Walks how, Random& random);
 

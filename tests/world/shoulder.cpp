@@ -38,7 +38,7 @@ TextureRegion add_picture(Random& random, WorldBuilder* world) {
   }
 }
 
-/// As one who looks along the builder's y sees what is before him.
+/// Frame turned about z by `side` quarter turns: a wall is built in it as somebody sees it who looks along y.
 SE3 facing(int side) {
   return {so3_exp({0, 0, side * std::numbers::pi / 2}), Eigen::Vector3d::Zero()};
 }

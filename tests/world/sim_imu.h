@@ -24,7 +24,7 @@ class SimImu {
   SimImu(double frequency, uint64_t seed);
 
   [[nodiscard]] SE3 camera_from_imu() const;
-  /// Of a camera (map Z up) that moves so.
+  /// Sample `index` of the IMU on a camera (map Z up) that moves so.
   [[nodiscard]] SimImuSample sample(int index, const std::function<SE3(double)>& map_from_camera) const;
 
  private:

@@ -24,7 +24,7 @@ namespace cairn {
 
 constexpr double kSimulatorFrameRate = 30;  // Hz
 
-/// What the URI of a `sim:` source and the options of cairn-sim can set.
+/// Options that the URI of a `sim:` source and those of cairn-sim can set.
 struct SimulatorOptions {
   uint64_t seed = 1;  ///< of the world, the route, the hand and the noise
   Carrier carrier = Carrier::kHand;
@@ -58,7 +58,7 @@ struct SimFrame {
   SE3 map_from_camera;  ///< exact, at `time`
 };
 
-/// What there is to see in a frame.
+/// A description of what there is to see in a frame.
 struct SimView {
   struct PlaceShare {
     int place = 0;       ///< index into the places
@@ -100,11 +100,11 @@ class Simulator {
   [[nodiscard]] SimImuSample imu_sample(int index) const;
 
   [[nodiscard]] const std::vector<Place>& places() const { return scenario_->places; }
-  /// In order, without gaps; times in seconds from the start.
+  /// The phases in order, without gaps; times in seconds from the start.
   [[nodiscard]] std::vector<Phase> phases() const;
-  /// What frame `index` shows, without rendering it.
+  /// Describes what frame `index` shows, without rendering it.
   [[nodiscard]] SimView view(int index) const;
-  /// What is at a pixel of frame `index`, at the frame's time; nothing in the dark and where nothing of a
+  /// The thing at a pixel of frame `index`, at the frame's time; nothing in the dark and where nothing of a
   /// place shows.
   [[nodiscard]] std::optional<SimThing> thing_at(int index, const Eigen::Vector2d& pixel) const;
 

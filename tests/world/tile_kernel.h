@@ -54,8 +54,8 @@ constexpr size_t kMaxCoverageShifts = 2;
 struct TileSample {
   std::span<const TileFace> faces;
   RayShift shading;  ///< where texture is looked up
-  /// Where faces are told apart: 1 to kMaxCoverageShifts. What costs, texture, is looked up once for all of
-  /// them (multisample anti-aliasing).
+  /// Displacements at which faces are told apart, 1 to kMaxCoverageShifts. Texture, which costs most, is
+  /// looked up once for all of them (multisample anti-aliasing).
   std::span<const RayShift> coverage;
   float weight = 1;
 };
@@ -65,7 +65,7 @@ struct SamplingParameters {
   float lod_bias = 0;         ///< texture levels, negative is sharper
 };
 
-/// From the summed light of a tile to pixels.
+/// Parameters by which the summed light of a tile becomes pixels.
 struct DevelopParameters {
   float gain = 1;         ///< grey value = sum * gain
   float vignetting = 0;   ///< 0 none, 1 the cos^4 law

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// Where a thing stands: the middle of its underside, turned by `yaw` [rad] about Z. Map coordinates.
+/// Placement of a thing: the middle of its underside, turned by `yaw` [rad] about Z. Map coordinates.
 struct Placement {
   Eigen::Vector3d base = Eigen::Vector3d::Zero();
   double yaw = 0;
@@ -43,7 +43,8 @@ class WorldBuilder {
   /// Adds to what there is.
   WorldBuilder(Scenario scenario, const Light& light) : light_(light), scenario_(std::move(scenario)) {}
 
-  /// What is added from here on stands in this frame, is part of the place and moves with the body.
+  /// Begins a body: what is added from here on stands in this frame, is part of the place and moves with the
+  /// body.
   void begin(const SE3& body_from_frame, int place = -1, int body = 0);
   [[nodiscard]] const Light& light() const { return light_; }
 

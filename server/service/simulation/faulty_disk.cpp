@@ -8,7 +8,7 @@ constexpr const char* kName = "cairn-faulty-disk";
 
 }  // namespace
 
-/// As SQLite allocates it: the real file lies behind.
+/// An open file as SQLite allocates it: the real file lies behind.
 struct FaultyDisk::File {
   sqlite3_file base;
   FaultyDisk* disk;

@@ -22,7 +22,7 @@ class FaultyDisk {
   /// After so many more writes nothing is written any more.
   void cut_after(uint64_t writes) { writes_left_ = writes; }
   void cut() { writes_left_ = 0; }
-  /// Another process opens what is left.
+  /// Makes the disk work again, for another process that opens what is left.
   void mend() {
     writes_left_.reset();
     is_full_ = false;

@@ -20,7 +20,7 @@ namespace cairn::simulation {
 /// what it keeps. What contradicts goes into a list of violations.
 class History {
  public:
-  /// What rights() says of a client, as the policy in force has it.
+  /// The rights of clients, as the policy in force has them.
   struct Allowed {
     std::function<Right(const std::string& client, MapId map)> in_map;
     std::function<bool(const std::string& client)> may_create;
@@ -56,13 +56,13 @@ class History {
   void not_rolled_back(MapId map) { maps_[map].refuse_roll_back(); }
   void asked_to_copy(MapId map);
   void copied(MapId map, MapId copy, const std::string& name);
-  /// From now on what was kept aside may be accepted.
+  /// Notes that what was kept aside may be accepted from now on.
   void asked_to_accept(MapId map) { maps_[map].proposals_are_accepted = true; }
-  /// They wait to be decided.
+  /// Notes a proposal that waits to be decided.
   void proposed(const std::string& id);
-  /// `keyframe`: nothing, it was dropped.
+  /// Notes the decision on a proposal. `keyframe` nothing: it was dropped.
   void decided(const std::string& id, MapId map, std::optional<KeyframeId> keyframe);
-  /// What a backup that is begun now has of a map.
+  /// The maps that a backup that is begun now has.
   [[nodiscard]] std::map<MapId, MadeMap> made_so_far() const { return maps_; }
 
   /// Maps of which somebody has heard that they were made.
@@ -74,7 +74,8 @@ class History {
   /// A store that was restored from a backup: what was known of each map when its copy was asked for is
   /// there.
   void check_restored(const std::filesystem::path& folder, const std::map<MapId, MadeMap>& known);
-  /// Nothing is under way: what each client is told of is what it may read, and is called as it should be.
+  /// Checks, when nothing is under way, that each client is told of the maps that it may read, by their right
+  /// names.
   void check_listed(const std::set<std::string>& connected_clients);
 
  private:

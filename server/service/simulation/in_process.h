@@ -29,7 +29,7 @@ class InProcess : public ServiceOutput {
     std::function<void(MapId map, const MapSnapshotPtr& newest)> revised;  ///< whoever follows it
   };
   explicit InProcess(Listener listener) : listener_(std::move(listener)) {}
-  /// Before anything of what follows. It outlives all calls.
+  /// Sets the service, which outlives all calls. To be called before anything of what follows.
   void serve(MapService& service) { service_ = &service; }
 
   void connect(const std::string& client);

@@ -21,7 +21,7 @@ namespace cairn::simulation {
 inline constexpr const char* kClient = "anna";
 inline constexpr const char* kOperator = "olga";
 
-/// As a peer has it.
+/// The message as a peer has it: encoded and decoded.
 template <typename Message>
 [[nodiscard]] Result<Message> by_wire(const Message& message) {
   wire::internal::Scratch scratch;
@@ -87,7 +87,7 @@ class LoneClientFixture : public ::testing::Test {
     state.session = session_;
     (void)server_->service().sessions().hear(client_principal(kClient), publication_, process_, state);
   }
-  /// All that is to be done now.
+  /// Does all that is to be done now.
   void settle() {
     for (int i = 0; i < 40; ++i) {
       clock_->advance(std::chrono::milliseconds(50));

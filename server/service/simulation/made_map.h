@@ -30,7 +30,7 @@ class MadeMap {
   /// An offer or a seed that arrived first at that moment has been accepted now. False: as another keyframe
   /// was before.
   [[nodiscard]] bool accept(KeyframeId keyframe, Timestamp image, Moment arrived);
-  /// Of a proposal: which image it is, its operator is not told.
+  /// Notes a keyframe that was made of a proposal: which image it is, its operator is not told.
   void accept_proposal(KeyframeId keyframe) { proposed_.insert(keyframe); }
   [[nodiscard]] bool label(LabelId label, const std::string& text, Moment arrived);
 
@@ -39,7 +39,7 @@ class MadeMap {
   void tag(const std::string& name, std::set<KeyframeId> shown, Moment now);
   [[nodiscard]] std::set<std::string> tags() const;
   void ask_to_roll_back(const std::string& tag, Epoch now);
-  /// Told that it was done: what is wrong with what is shown then.
+  /// Notes that a roll-back was done. Returns what is wrong with what is shown then.
   [[nodiscard]] std::optional<std::string> roll_back(const MapSnapshot& newest, Moment now);
   void refuse_roll_back() { rolling_back_.reset(); }
 

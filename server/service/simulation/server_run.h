@@ -38,9 +38,9 @@ class ServerRun {
   /// What runs beside the writer takes long from now on: it does not come to its end while this is so.
   void let_store_strand_take_long(bool long_) { store_strand_takes_long_ = long_; }
   void tick_if_due();
-  /// As Service::close().
+  /// Ends the server, as Service::close() does.
   void end();
-  /// As a process that is killed: nothing that waits is done.
+  /// Ends the server as a process that is killed: nothing that waits is done.
   void kill();
 
  private:

@@ -35,8 +35,8 @@ struct World {
   [[nodiscard]] Timestamp next_image() { return {++images_}; }
 
   using Message = std::function<void(ServerRun& server)>;
-  /// To the server, if one runs when it arrives. Lost, repeated, late and overtaken by others, unless it is
-  /// calm. `sender`: see forget().
+  /// Sends a message to the server, if one runs when it arrives. It may be lost, repeated, late and overtaken
+  /// by others, unless the world is calm. `sender`: see forget().
   void send(const std::string& sender, const Message& message) {
     if (is_calm) return post(sender, message, std::chrono::milliseconds(1));
     if (chance(0.1)) return;

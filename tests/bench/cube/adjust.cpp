@@ -139,7 +139,7 @@ double robust_scale(std::vector<double> lengths) {
 
 /// A problem with its blocks, solved in two passes.
 struct Adjustment {
-  /// Of all residual blocks; exchanged between the passes. Outlives the problem.
+  /// Loss of all residual blocks; it is exchanged between the passes, and outlives the problem.
   ceres::LossFunctionWrapper loss{new ceres::CauchyLoss(0.2), ceres::TAKE_OWNERSHIP};
   ceres::Problem problem{keep_loss()};
   CameraBlock camera{};

@@ -20,7 +20,7 @@ struct CubeCamera {
   double k1 = 0;
 };
 
-/// What is estimated besides the focal length.
+/// Parameters that are estimated besides the focal length.
 struct Freedom {
   bool aspect = false;
   bool centre = false;
@@ -85,7 +85,7 @@ struct Track {
   std::vector<Sighting> sightings;
 };
 
-/// Where an adjustment of tracks begins; nothing of it is held but the gauge.
+/// Start values of an adjustment of tracks; none of them is held but the gauge.
 struct SceneStart {
   CubeCamera camera;
   std::vector<SE3> camera_from_object;  ///< by frame
