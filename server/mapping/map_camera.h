@@ -47,7 +47,8 @@ struct KeyframeCount {
 [[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraPrior& prior);
 
 /// Whether there are enough new keyframes to look for other focal lengths and to say how well it is known:
-/// both take several adjustments. At first any keyframe is enough; once many have not told it, it takes a
+/// both take several adjustments. At first any keyframe is enough, but for a camera whose focal length was
+/// believed: that is judged when it may soon be frozen. Once many keyframes have not told it, it takes a
 /// quarter more of them.
 [[nodiscard]] bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes,
                                     const SelfCalibrationOptions& options);
