@@ -10,7 +10,8 @@
 
 namespace cairn {
 
-/// The text without its numbers: texts that differ only in these are the same to a reader.
+/// The text without the characters that numbers are made of: texts that differ only in these are the same to
+/// a reader.
 [[nodiscard]] inline std::string without_numbers(std::string text) {
   std::erase_if(text, [](char c) { return (c >= '0' && c <= '9') || c == '%' || c == '.' || c == '-'; });
   return text;
@@ -46,7 +47,7 @@ class Repeats {
     return words;
   }
 
-  /// The texts that were folded and have not been told since.
+  /// The texts that were folded and have not been told since, each with its count. Forgets all texts.
   [[nodiscard]] std::vector<std::string> rest() {
     std::vector<std::string> all;
     for (const auto& [kind, said] : known_)

@@ -63,7 +63,7 @@ bool may_be_shown(char32_t character, char32_t before) {
     case UTF8PROC_CATEGORY_ZP:
       return false;
     default:
-      // Marks that are ignorable choose between two pictures of the character in front.
+      // Marks that are ignorable choose between two shapes of the character in front.
       return property.ignorable == 0 || is_mark(property.category);
   }
 }

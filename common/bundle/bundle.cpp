@@ -87,7 +87,7 @@ class LevenbergMarquardt {
   }
 
   /// Writes the covariances of the free cameras at the state reached. They keep their old ones when
-  /// should_stop ends the computation.
+  /// should_stop ends the computation, and when the equations are singular.
   void write_covariances_to(BundleProblem* problem, double squared_cutoff) {
     const auto inverse = equations_.camera_covariances(state_, squared_cutoff, options_->should_stop);
     if (!inverse) return;

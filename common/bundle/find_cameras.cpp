@@ -278,8 +278,8 @@ std::optional<Eigen::Matrix2d> honest_covariance(const BundleProblem& problem, s
   return covariance;
 }
 
-/// The covariance of a free camera, judged. Nothing when it could not be judged: a problem that could not be
-/// solved, or no more time.
+/// The honest_covariance() of a free camera. Nothing where there is none: a problem that could not be solved,
+/// observations that do not tell the intrinsics, or no more time.
 std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera, double squared_cutoff,
                                      const BundleOptions& options) {
   const FreeCamera& judged = problem.free_cameras[camera];

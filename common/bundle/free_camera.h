@@ -35,6 +35,7 @@ struct FreeCamera {
   Intrinsics prior_mean = Intrinsics::Zero();
   Intrinsics prior_sigma = Intrinsics::Ones();
   /// Covariance of the adjusted intrinsics, from noise as large as the residuals say and from the prior.
+  /// find_cameras() adds what these do not tell.
   Eigen::Matrix<double, kIntrinsics, kIntrinsics> covariance = Eigen::Matrix2d::Zero();
   /// Whether find_cameras() tries other focal lengths and judges the covariance; else that stays. After it:
   /// whether the covariance was judged.

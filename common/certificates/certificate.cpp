@@ -40,7 +40,7 @@ std::string entry_of(const X509& certificate, int kind) {
 }
 
 /// Converts an ASN.1 time. A time that a Timestamp cannot hold, as the year 9999 of a certificate that never
-/// expires, becomes the last one that it can.
+/// expires, becomes the nearest one that it can; a time that cannot be read becomes the Unix epoch.
 Timestamp time_of(const ASN1_TIME* time) {
   constexpr int64_t kNanoseconds = 1'000'000'000;
   constexpr int64_t kMostSeconds = std::numeric_limits<int64_t>::max() / kNanoseconds;

@@ -30,9 +30,9 @@ struct IntrinsicsPrior {
 /// The standard deviation of each value of the camera, as the wire tells them: 0 for values that are exact.
 /// intrinsics_prior() is the way back. Precondition: pinhole-radtan, all nine values.
 [[nodiscard]] std::vector<double> sigma_of_values(const IntrinsicsPrior& camera);
-/// The prior of a camera, from one sigma for each of its values. Nothing when all values are exact, when the
-/// model is another, or when they are none that a camera could have (is_focal_length(), is_pixel_aspect(),
-/// sigmas up to 1).
+/// The prior of a pinhole-radtan camera, from all nine values and one sigma for each. Nothing for another
+/// model, when the focal length or k1 is exact (kLeastPriorSigma), or when no camera could have the values
+/// (is_focal_length(), is_pixel_aspect(), sigmas up to 1; that of the focal length is relative to it).
 [[nodiscard]] std::optional<IntrinsicsPrior> intrinsics_prior(const CameraParameters& parameters,
                                                               const std::vector<double>& sigma);
 

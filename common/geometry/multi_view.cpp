@@ -28,11 +28,12 @@ constexpr double kClearRatio = 1.1;
 /// Share of the cost: a step that gains less is the last.
 constexpr double kLeastGain = 1e-4;
 
-/// Least squared sine of the angle between a ray and the motion, which has length 1: a point seen along the
-/// motion has no depth.
+/// Least squared sine of the angle between a point's ray and the motion, whose length is 1. A point that is
+/// seen along the motion begins at infinity: the two views do not tell its depth.
 constexpr double kAlongMotion = 1e-12;
-/// Relative standard deviation of the focal length of a camera that counts as known. A turn of 30 degrees/s
-/// that is read for a 30th of a second changes the image's height and shear by as much.
+/// Relative standard deviation of the focal length of a camera that counts as known. The image's height and
+/// shear are as uncertain: a turn of 30 degrees/s, read row by row for a 30th of a second, changes them by as
+/// much.
 constexpr double kCommonSigma = 0.0125;
 /// Least ratio of the smallest pivot to the largest: below, the views do not determine their poses.
 constexpr double kSingular = 1e-12;
@@ -289,8 +290,8 @@ CommonErrors added_to_residual(const Problem& problem, const Structure& s, size_
   return added;
 }
 
-/// How far each of the common errors moves each point's inverse distance, relative to that distance, when
-/// nobody allows for it. A row for each point, a column for each error.
+/// How far each of the common errors moves each point's inverse distance, as a share of it, when nobody
+/// allows for the error. A row for each point, a column for each error.
 Eigen::MatrixXd spoilt_by_common_errors(const Problem& problem, const Structure& s, NormalEquations equations,
                                         const Eigen::LDLT<Eigen::MatrixXd>& factors, double squared_cutoff) {
   const auto n = static_cast<Eigen::Index>(problem.points());

@@ -22,7 +22,7 @@ struct NormalEquations {
 /// How many lanes of a register the sums are made with; both give the same bytes.
 enum class SumLanes { kTwo, kFour };
 
-/// The most lanes that this machine has (four: AVX2).
+/// The most lanes that this machine has (four: AVX2, or arm64).
 [[nodiscard]] SumLanes best_sum_lanes();
 
 /// The normal equations of the observations whose weight is above 0. There are as many weights as

@@ -36,7 +36,7 @@ struct PositionPrior {
   double sigma = 1.0;  ///< in each direction [map unit]
 };
 
-/// What a pose may be fitted to beside points. A bearing's distance is marginalised: as far as it is not
+/// What a pose may be fitted to besides points. A bearing's distance is marginalised: as far as it is not
 /// known, the bearing says nothing along its epipolar line. A bearing whose distance is not known to a fifth
 /// says nothing of the position: it holds the rotation and not more.
 struct PoseSupplement {

@@ -24,8 +24,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 [[nodiscard]] Eigen::Matrix3d so3_left_jacobian_inverse(const Eigen::Vector3d& omega);
 
 /// Rigid motion, named `b_from_a`: point_in_b = b_from_a * point_in_a; c_from_a = c_from_b * b_from_a.
-/// Tangent vectors are (translation [the frames' unit, a map's say], rotation [rad]) and act on the LEFT:
-/// exp(xi) * T.
+/// Tangent vectors are (translation [unit of the frames, such as map unit], rotation [rad]) and act on the
+/// LEFT: exp(xi) * T.
 class SE3 {
  public:
   SE3() = default;  ///< identity

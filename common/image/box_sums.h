@@ -17,7 +17,7 @@ class BoxSums {
  public:
   explicit BoxSums(const GrayView& image);
 
-  /// Windows side by side, and one below the other: none where the image is smaller than one.
+  /// How many windows lie side by side, and one below the other: none where the image is smaller than one.
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
   /// The sums of the windows in row `top`: the first belongs to the window whose upper left pixel is (left,

@@ -18,7 +18,7 @@ struct Test {
 };
 using Pattern = std::array<Test, kDescriptorTests.size()>;
 
-/// The cosine of a turn, given as one of 0 to kTurns, times 2^kTurnCosineBits.
+/// The cosine of `turn` steps (0 to kTurns) of a kTurns-th of a full turn, times 2^kTurnCosineBits.
 constexpr int64_t cosine(size_t turn) {
   if (turn > kTurns / 2) turn = kTurns - turn;
   return turn > kTurns / 4 ? -kTurnCosines[kTurns / 2 - turn] : kTurnCosines[turn];

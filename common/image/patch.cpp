@@ -231,8 +231,7 @@ CAIRN_WIDE void warp_smeared_wide(const SourcePatch& source, const SampleGrid& g
   warp_wide(SmearedPixels(source, ways), grid, out);
 }
 
-/// The offsets from `grid` to the samples of a smear that is as long as `along` [template px] and has its
-/// middle at `aside`.
+/// The offsets from `grid` to the samples of a smear: `along` is its way, `aside` its middle [template px].
 SmearWays smear_ways(const SampleGrid& grid, const Eigen::Vector2f& along, const Eigen::Vector2f& aside) {
   // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
   // the whole way.

@@ -80,7 +80,7 @@ struct CircleSearch {
   float center_x;
   float center_y;
   float squared_radius;
-  PatchMatch best;  ///< of corners tried so far; starts with the limit as its score
+  PatchMatch best;  ///< of corners examined so far; starts with the limit as its score
 
   [[nodiscard]] bool is_window_inside(Corner c) const { return c.x >= kHalf && c.x <= image.width - kHalf; }
   [[nodiscard]] const uint8_t* window(Corner c) const { return image.row(c.y - kHalf) + c.x - kHalf; }

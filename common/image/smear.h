@@ -37,9 +37,9 @@ class Smear {
 [[nodiscard]] Eigen::Vector2f missing_smear(const Eigen::Vector2f& wanted, const Eigen::Vector2f& has);
 
 /// Makes a template as make_template() does, but smeared and moved. It looks as in an image during whose
-/// exposure the patch's pixels go the way `smear` [px of level 0]; template pixel (4, 4) is `aside`
-/// [search-level px] of the reference pixel. A smear that reaches beyond the patch is shortened. False also
-/// where it is not finite.
+/// exposure the patch's pixels go the way `smear` [px of level 0]; template pixel (4, 4) lies `aside`
+/// [search-level px] from the reference pixel. A smear that reaches beyond the patch is shortened. False also
+/// where `smear` is not finite.
 [[nodiscard]] bool make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
                                          const Eigen::Vector2f& smear, const Eigen::Vector2f& aside,
                                          PatchTemplate* out);

@@ -13,7 +13,7 @@ using Fields = std::vector<std::string_view>;
 
 // ---- COLMAP
 
-/// One of COLMAP's models. Its parameters are one letter each: f both focal lengths, x and y, c and d the
+/// One of COLMAP's models, with its parameters as one letter each: f both focal lengths, x and y, c and d the
 /// centre, the digits k1 to k6, p and q the tangential, w the angle of FOV.
 struct ColmapModel {
   std::string_view name;

@@ -13,7 +13,7 @@ namespace cairn {
 /// How a relocalization query ended.
 enum class RelocalizationVerdict : uint8_t {
   kConfirmed = 0,    ///< geometry agrees; the tracker's verification is still to come
-  kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
+  kUnconfirmed = 1,  ///< a guess to be examined (the 2008 way)
   kNotKnown = 2,     ///< no place of any map looks like it
   kNotThere = 3,     ///< none of the maps that count for now, or no answer could be found: it is left open
   kLast = kNotThere,
@@ -36,7 +36,7 @@ struct PlaceCandidate {
   Epoch epoch;
   Revision revision;  ///< with whose positions it was judged
   KeyframeId keyframe;
-  SE3 camera_from_keyframe;  ///< not confirmed: the last pose tried; none was found: the keyframe's own
+  SE3 camera_from_keyframe;  ///< not confirmed: the last pose examined; none was found: the keyframe's own
   float score = 0;           ///< of the tiny images; the method's own unit (relocalizer.h)
   int matches = 0;           ///< corners that look like points of the keyframe and agree on a pose
   int inliers = 0;           ///< points of the map around that pose which it explains

@@ -31,7 +31,7 @@ std::string words_of(const dds_qos_t* qos) {
   return words.empty() ? "it says nothing of itself" : words;
 }
 
-/// The built-in topic that tells of a kind of peers, and how it does.
+/// The built-in topic that tells of a kind of peers, and how its samples are read.
 template <typename Peer>
 struct BuiltIn;
 

@@ -122,7 +122,8 @@ Result<NetworkPath> ask_route(const std::string& address) {
   return find_interface(text_of(local));
 }
 
-/// The IPv4 address of a host. Errors: what is no name (kUsage), or one without IPv4 address (kNoServer).
+/// The IPv4 address of a host. Errors: kUsage for what is no name and no IPv4 address, kNoServer for a name
+/// that is unknown or has no IPv4 address.
 Result<std::string> resolve(const std::string& host) {
   if (host == "localhost") return std::string("127.0.0.1");  // also where /etc/hosts is missing (RFC 6761)
   const auto refuse = [&](ErrorCode code, const std::string& why) {
@@ -152,8 +153,9 @@ Result<std::string> resolve(const std::string& host) {
   return text_of(ipv4_of(found->ai_addr));
 }
 
-/// The interface that leads elsewhere by default, else the first that is up, those with a carrier before
-/// others. Empty without a network: the choice is left to the middleware then.
+/// The interface that leads elsewhere by default, else the first but loopback that is up and has an IPv4
+/// address, those with a carrier before others. Empty without a network: the choice is left to the middleware
+/// then.
 NetworkPath find_first_network() {
   if (auto by_default = ask_route(kElsewhere)) return *by_default;
   const std::vector<Interface> all = list_interfaces();

@@ -11,8 +11,8 @@
 /// a map in `client.<name>.map.<32 hex digits>`; with DDS Security on it can do neither in another's.
 namespace cairn::wire {
 
-/// The partitions in which the server reads: every client's. The '*' spans dots too, so it also matches the
-/// map partitions; no topic that the server reads is written there.
+/// The partitions in which the server hears clients: every client's. The '*' spans dots too, so it also
+/// matches the map partitions; no topic that the server reads is written there.
 constexpr std::string_view kEveryClient = "client.*";
 
 /// `client.<name>`; the name is valid (is_valid_name).

@@ -21,7 +21,7 @@ namespace cairn::wire {
 /// What a rig is told to do, and what it does.
 enum class RigMode : uint8_t {
   kIdle = 0,        ///< the drives let go
-  kHome = 1,        ///< finds out where the axes stand
+  kHome = 1,        ///< learns where the axes stand
   kNeutral = 2,     ///< ahead
   kFollow = 3,      ///< ahead, slowly with the wearer
   kLock = 4,        ///< a direction of the world
@@ -97,13 +97,13 @@ struct RigImu {
   Eigen::Vector3f acceleration = Eigen::Vector3f::Zero();  ///< likewise [m/s^2]
   bool attitude_known = false;
   Eigen::Quaterniond world_from_head = Eigen::Quaterniond::Identity();  ///< z up, heading 0 at the start
-  int64_t clock_offset = 0;  ///< what the IMU's own time lacks to the host's [ns]
+  int64_t clock_offset = 0;  ///< the host's time less the IMU's own [ns]
 };
 
 /// How the camera's stamps differ from those of the IMU, as estimated from the poses of the camera's tracker.
 struct RigCameraClock {
   bool known = false;  ///< estimated; not the configuration's
-  int64_t offset = 0;  ///< what a stamp of the camera lacks to the IMU's of the same moment [ns]
+  int64_t offset = 0;  ///< the IMU's stamp of a moment less the camera's [ns]
   float sigma = 0;     ///< standard deviation of that [s]
 };
 
@@ -146,7 +146,7 @@ struct RigState {
   /// least in one.
   std::vector<RigImuSample> samples;
   std::optional<Eigen::Quaterniond> camera_from_imu;  ///< nothing: the configuration does not know
-  /// [ns] The offset of RigCameraClock as the configuration has it. It counts until one is estimated.
+  /// [ns] The offset of RigCameraClock as the configuration has it. It counts while none is estimated.
   /// Nothing: not known.
   std::optional<int64_t> calibrated_offset;
   /// The rotation from the camera to the base at `time`, by the encoders. Nothing: axes are not homed, or do

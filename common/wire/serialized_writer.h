@@ -26,7 +26,7 @@ struct Serialized {
   size_t bytes = 0;  ///< of its content
 };
 
-/// A Writer for messages that many clients are sent alike, each in its own partition: the blocks of a map
+/// A Writer for messages that are sent alike to many clients, each in its own partition: the blocks of a map
 /// (PointPatches, PointPositions, KeyframePoses). Thread-safe, but for the writes of one message
 /// (Serialized).
 template <typename Message>

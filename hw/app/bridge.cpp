@@ -40,7 +40,7 @@ std::string cut(const std::string& text, size_t most = wire::kMaxRigText) {
   return std::string(cut_text(one_line(text), std::min(most, wire::kMaxRigText)));
 }
 
-/// A search by an order. The directions in which it is told to begin are ranked first.
+/// The search of an order: its directions are the ranked ones, the target before the further ones.
 pointing::Search search_of(const wire::RigCommand& command) {
   pointing::Search search;
   if (command.pattern == wire::RigSearchPattern::kRaster) search.pattern = pointing::Search::Pattern::kRaster;

@@ -30,7 +30,7 @@ int complain(const Error& error) {
   return exit_code(error.code);
 }
 
-/// Whether one of `signals` has come, once and for all.
+/// Tells whether one of `signals` has come; once one has, the answer stays.
 class Interrupts {
  public:
   explicit Interrupts(const sigset_t& signals) : signals_(signals) {}

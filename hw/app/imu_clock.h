@@ -17,7 +17,7 @@ class ImuClock {
   /// A sample taken at `ticks` (of 0.1 ms; they wrap), whose frame was received then.
   void receive(uint32_t ticks, Timestamp received);
 
-  /// [ns] The offset that the IMU's own time needs to be the host's; nothing before the first sample.
+  /// [ns] What must be added to the IMU's own time to get the host's; nothing before the first sample.
   [[nodiscard]] std::optional<int64_t> offset() const;
   /// When the newest sample was taken, by the host's clock. Only where there is an offset().
   [[nodiscard]] Timestamp newest() const { return {own_time_ + offset().value_or(0)}; }

@@ -23,7 +23,8 @@ class InputLines {
     return line;
   }
 
-  /// Whether no more lines will come.
+  /// Whether stdin has ended, or has more to say than kMost bytes at once: no more is read. Whole lines that
+  /// were read are still given.
   [[nodiscard]] bool has_ended() const { return ended_; }
 
  private:

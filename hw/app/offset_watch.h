@@ -16,15 +16,14 @@
 
 namespace cairn {
 
-/// The clock's offset that counts from now on, by an estimate; nothing where that is not sharp enough. Pure.
+/// The offset of the camera's clock by an estimate; nothing where that is not sharp enough. Pure.
 [[nodiscard]] std::optional<wire::RigCameraClock> camera_clock_of(const CameraAndGyro& found);
 
-/// Estimates while the rig is at work how stamps of its camera lie to those of the IMU, each `period` again,
-/// with a thread of its own: that takes some hundredths of a second. Where the camera does not turn,
-/// or nobody tracks it, the last estimate holds; it is withdrawn (told as not known) where gyro and camera do
-/// not turn alike any more, and when another tracker has the camera. Stamps of both are of the rig's clock.
-/// What fails by an exception is logged and tried again after a `period`.
-/// Thread-safe.
+/// Estimates while the rig is at work how the stamps of its camera differ from those of the IMU: once every
+/// `period`, in a thread of its own, for it takes some hundredths of a second. Where the camera does not
+/// turn, or nobody tracks it, the last estimate holds; it is withdrawn (told as not known) where gyro and
+/// camera do not turn alike any more, and when another tracker has the camera. Stamps of both are of the
+/// rig's clock. An estimate that throws is logged, and made again after a `period`. Thread-safe.
 class OffsetWatch {
  public:
   /// `tell` is called by the thread.

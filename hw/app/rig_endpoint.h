@@ -23,7 +23,7 @@ namespace cairn {
 /// The rig's place in the network: it hands on the orders and the camera's poses that come, and writes
 /// states. Who gives an order is known by the partition that it came in, which in a secured site nobody else
 /// can write in. It has a thread of its own, so that the thread that has the bus never waits for the network.
-/// What a function throws that it calls is logged, and costs the one message that it was called for.
+/// An exception of a function that it calls is logged, and costs the one message that the call was for.
 class RigEndpoint {
  public:
   using Handler = std::function<void(wire::RigCommand)>;
@@ -38,7 +38,7 @@ class RigEndpoint {
   RigEndpoint(const RigEndpoint&) = delete;
   RigEndpoint& operator=(const RigEndpoint&) = delete;
 
-  /// Begins. The functions are called by its thread, until stop(). `told`, if any, gets each state that was
+  /// Starts the thread, which calls the functions until stop(). `told`, if any, gets each state after it was
   /// written.
   void start(Handler obey, Source take_state, Watcher see, StateWatcher told = {});
   /// There is a state to take. Thread-safe, before start() too.
@@ -56,7 +56,8 @@ class RigEndpoint {
   void tell_state();
   template <typename Work>
   void guard(const Work& work);
-  /// The one who speaks in a publication. Nothing: he has gone, or speaks where nobody has a name.
+  /// The one who speaks in a publication. Nothing: it has gone, or its partition names nobody who speaks to
+  /// this rig.
   [[nodiscard]] std::optional<wire::RigSpeaker> speaker_of(const wire::ReaderBase& reader,
                                                            wire::PublicationHandle publication);
 

@@ -27,8 +27,8 @@ class RigHost {
                                                              std::unique_ptr<CanBus> bus);
   /// Lets the drives go, as RigLoop does.
   ~RigHost();
-  /// Closes the host at the end of a process that is to end with that code: the network's closing takes its
-  /// time.
+  /// Lets the drives go and leaves the network, at the end of a process that is to end with that code. Where
+  /// the network does not close in time, the process ends here (ExitDeadline).
   void close(int exit_code);
   RigHost(const RigHost&) = delete;
   RigHost& operator=(const RigHost&) = delete;

@@ -90,7 +90,8 @@ void RigLoop::run() {
   }
 }
 
-/// Takes what has come before the rig looks at the time, since it takes silence for death.
+/// One turn of the loop. Takes what has come before the rig looks at the time, for the rig takes silence for
+/// death.
 void RigLoop::turn(MonotonicTime now) {
   wake_up_.clear();
   if (stop_asked_.exchange(false)) stop_now(now);

@@ -26,7 +26,7 @@ struct CameraRotation {
 
 /// How gyro and camera go with each other, from a motion that both have seen.
 struct CameraAndGyro {
-  double offset = 0;       ///< what a stamp of the camera lacks to the IMU's of the same moment [s]
+  double offset = 0;       ///< the IMU's stamp of a moment less the camera's [s]
   double sigma = 0;        ///< standard deviation of that [s]
   double residual = 0;     ///< RMS of the camera's rate less the gyro's [rad/s]
   double correlation = 0;  ///< share of the camera's turning that the gyro explains: 0 to 1
@@ -49,7 +49,7 @@ class ClockOffset {
   /// Forgets the camera's rotations: those to come are of another camera.
   void forget_camera() { camera_.clear(); }
 
-  /// Some milliseconds of work: once in a few seconds is enough. Errors: as above.
+  /// Some hundredths of a second of work: once in a few seconds is enough. Errors: as above.
   [[nodiscard]] Result<CameraAndGyro> estimate() const;
 
  private:

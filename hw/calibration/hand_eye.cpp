@@ -32,7 +32,7 @@ constexpr double kLeastShare = 2.0 / 3;
 constexpr double kMostResidual = 2 * std::numbers::pi / 180;  // no gear and no tracker is so bad
 constexpr double kLeastGain = 1e-12;  // share of the cost; a step that gains less is the last
 
-/// camera: where the camera should stand after `found`.
+/// The rotation map_from_camera at a glance, as `found` expects it.
 Quaterniond expected(const HandEye& found, const Glance& glance) {
   return found.map_from_base * base_from_head(glance.angles) * found.head_from_camera;
 }

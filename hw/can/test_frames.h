@@ -15,7 +15,7 @@ inline CanFrame frame(uint32_t id, uint8_t byte = 0) {
   return {.id = {id, false}, .length = 1, .data = {byte}};
 }
 
-/// The time until which a test waits: later than any that works takes.
+/// The time until which a test waits: longer than any test takes that works.
 inline MonotonicTime soon() {
   return std::chrono::steady_clock::now() + std::chrono::seconds(20);
 }

@@ -30,9 +30,9 @@ Attitude::Line Attitude::line_through(const Second& second) {
   return {slope, std::sqrt(std::max(0.0, left.maxCoeff()) / n)};
 }
 
-/// Learns the gyro's bias from a second of rest. At rest a shoulder turns by that bias alone, so evenly. The
-/// play of the gears makes the head tremble against it, which is neither rest nor bias of the head, and
-/// averages out of a line through a second.
+/// Learns the gyro's bias, and where up is, from each second of rest. At rest a shoulder turns by that bias
+/// alone, so evenly. The play of the gears makes the head tremble against it, which is neither rest nor bias
+/// of the head, and averages out of a line through a second.
 void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
                              const Eigen::Vector3d& turned) {
   second_.time += step;

@@ -19,7 +19,8 @@ class Attitude {
 
   /// Takes one sample, means since the one before: rate of turn [rad/s] and acceleration [m/s^2, up at rest]
   /// in the IMU's axes, `step` [s] after the one before, and by how much the axes have turned it against the
-  /// shoulder since then [rad, a rotation vector in its axes]. The first one sets up, with heading 0.
+  /// shoulder since then [rad, a rotation vector in its axes]. The first one whose acceleration can be
+  /// trusted sets up, with heading 0.
   void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
               const Eigen::Vector3d& turned = Eigen::Vector3d::Zero());
 

@@ -34,7 +34,7 @@ struct Entry {
   std::string value;
 };
 
-/// A number with so many decimals, without a sign at 0.
+/// A number with so many decimals; without a minus sign where these are all 0.
 std::string number(double value, int digits) {
   std::string text = fmt::format("{:.{}f}", value, digits);
   if (text.find_first_not_of("-0.") == std::string::npos && text.starts_with('-')) text.erase(0, 1);
@@ -67,7 +67,7 @@ bool is_blank(const std::string& line) {
   return line.find_first_not_of(kSpace) == std::string::npos;
 }
 
-/// Place where the value of `key: value` begins in a line; nothing for another line.
+/// The place in a line where the value of `key: value` begins; nothing for another line.
 std::optional<size_t> value_of(const std::string& line, const std::string& key, bool indented) {
   const size_t begin = line.find_first_not_of(" \t");
   if (begin == std::string::npos || (begin > 0) != indented || line.compare(begin, key.size(), key) != 0)
@@ -77,8 +77,8 @@ std::optional<size_t> value_of(const std::string& line, const std::string& key, 
   return std::min(line.size(), colon + 1);
 }
 
-/// Place where the value ends: before a comment and the blanks that precede it, else before those at the end
-/// of the line.
+/// The place where the value ends: before a comment and the blanks that precede it, else before those at the
+/// end of the line.
 size_t end_of_value(const std::string& line, size_t begin) {
   size_t end = line.find(" #", begin);
   if (end == std::string::npos) end = line.size();

@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// The attitudes of the head in the last second: what an image shows is older than it. Pure.
+/// The attitudes of the head in the last second, for images, which show the past. Pure.
 class HeadHistory {
  public:
   struct Head {

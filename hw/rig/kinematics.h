@@ -18,12 +18,12 @@ struct PanTilt {
 /// The rate of the head's turn against the base while the axes turn at `rates`: [rad/s], in the head's axes.
 [[nodiscard]] Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates);
 
-/// The measurements of an IMU on the head, in the head's axes.
+/// The motion of the head, or of the base, as an IMU on it measures it, in its own axes.
 struct HeadMotion {
   Eigen::Vector3d rate;          ///< [rad/s]
   Eigen::Vector3d acceleration;  ///< [m/s^2], with the pull that holds it up
 };
-/// The motion of the head while the axes turn at `rates` and the base moves as `base` says, in its own axes.
+/// The motion of the head while the axes turn at `rates` and the base moves as `base` says.
 [[nodiscard]] HeadMotion motion_of_head(const PanTilt& angles, const PanTilt& rates, const HeadMotion& base);
 
 /// The head from a camera that looks along the head's x, upright.

@@ -33,7 +33,8 @@ tl::unexpected<Error> refuse(std::string why) {
   return fail(ErrorCode::kRefused, std::move(why));
 }
 
-/// Whether a pointing makes sense: its numbers are finite, its directions have a length.
+/// Whether a pointing makes sense: its numbers are finite, its directions have a length, its view is one that
+/// a camera could have.
 struct IsSound {
   bool operator()(const pointing::Neutral& neutral) const { return is_finite(neutral.angles); }
   bool operator()(const pointing::Jog& jog) const { return is_finite(jog.rates); }

@@ -27,9 +27,9 @@ class Pointer {
   /// needs an IMU that the rig has not.
   [[nodiscard]] Status aim(const Pointing& pointing);
   /// Takes a sighting. Error kRefused for one that is of the future, older than what is remembered of the
-  /// head, or no number.
+  /// head, or no direction.
   [[nodiscard]] Status see(const Sighting& sighting);
-  /// Sets the offset of RigCalibration as it was measured since.
+  /// Sets the offset of RigCalibration as it was measured since. It counts for sightings from now on.
   void set_camera_offset(std::chrono::nanoseconds offset) { configuration_.calibration.offset = offset; }
   /// Forgets what a search has looked at: the next one, or that which goes on, begins anew.
   void forget_search();
@@ -39,8 +39,8 @@ class Pointer {
   /// Takes a sample of the IMU, with the acceleration in the head's axes [m/s^2, up at rest].
   void sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,
              const Eigen::Vector3d& acceleration, const PanTilt& angles, double step);
-  /// The demands for setpoints that act at `then`; nothing while nothing is aimed at. `pan`: where pan stands
-  /// [rad].
+  /// The demands as of `then`, from which a MotionProfile goes on by a period; nothing while nothing is aimed
+  /// at. `pan`: where pan stands [rad].
   [[nodiscard]] std::optional<std::array<Demand, 2>> demands(MonotonicTime then, double pan);
 
   [[nodiscard]] const BaseMotion& base() const { return base_; }

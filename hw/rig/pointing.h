@@ -20,11 +20,11 @@ namespace pointing {
 struct Neutral {
   PanTilt angles;
 };
-/// The axes turn as a hand commands.
+/// By hand: the axes turn at these rates.
 struct Jog {
   PanTilt rates;  ///< [rad/s]
 };
-/// Level, and ahead of the wearer as the wearer slowly turns.
+/// Ahead of the wearer as the wearer slowly turns, as far above the horizon as tilt's neutral angle.
 struct Follow {};
 /// A fixed direction; without one, that in which the camera looks when it begins.
 struct Lock {
@@ -68,8 +68,8 @@ struct Sighting {
 /// How a mode goes.
 struct PointingState {
   PointingMode mode = PointingMode::kNeutral;
-  /// Whether the camera has been near the target, by the IMU, for some time: half a degree, in a search a
-  /// sixth of a view.
+  /// Whether the camera, by the IMU, has been near the target for some time (PointerOptions): within half a
+  /// degree, in a search within a sixth of a view.
   bool on_target = false;
   bool out_of_reach = false;  ///< the target is beyond the soft limits
   bool sees_target = false;   ///< fixate: sightings come

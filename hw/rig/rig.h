@@ -28,8 +28,8 @@ struct Idle {};
 struct Point {
   std::array<Demand, 2> demands;  ///< by AxisName
 };
-/// The rig points the camera by itself from now on, until it is activated anew. The same mode again moves its
-/// target.
+/// The rig points the camera by itself from now on, until it is activated anew or takes a Point. The same
+/// mode again moves its target.
 struct Aim {
   Pointing pointing;
 };
@@ -84,7 +84,7 @@ class Rig {
   Rig(const RigConfiguration& configuration, MonotonicTime now);
 
   /// Carries out a command. Each one taken is a sign of life of its commander. Errors: kRefused for one
-  /// beside a commander that is alive, and for what state or faults do not allow; nothing has changed then.
+  /// beside a commander that is alive, and for what state or faults do not allow; nothing has begun then.
   [[nodiscard]] Status take(const RigCommand& command, MonotonicTime now);
   void receive(const CanFrame& frame, MonotonicTime now);
   /// Sets what must be added to a stamp of the camera to get the IMU's, as it was measured since the
@@ -100,8 +100,8 @@ class Rig {
   [[nodiscard]] std::vector<OutgoingFrame> take_frames();
 
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
-  /// The angles of the axes by their encoders, at the time of advance(); nothing where one is not homed, or
-  /// has a fault.
+  /// The angles of the axes by their encoders, at the time of the last advance(); nothing where one is not
+  /// homed, or has a fault.
   [[nodiscard]] std::optional<PanTilt> angles() const;
   /// The attitude of the head, by the IMU on it.
   [[nodiscard]] const Attitude& attitude() const { return attitude_; }

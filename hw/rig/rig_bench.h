@@ -86,7 +86,7 @@ class RigBench {
     }
     return std::nullopt;
   }
-  /// Homed and active, at rest.
+  /// Homes and activates both axes; they stay at rest.
   void start() {
     pass(std::chrono::milliseconds(200));
     ASSERT_TRUE(command(rig_command::Home{}));

@@ -39,7 +39,7 @@ struct ImuConfiguration {
 struct RigCalibration {
   Eigen::Quaterniond head_from_camera = nominal_head_from_camera();
   Eigen::Quaterniond head_from_imu = Eigen::Quaterniond::Identity();
-  std::chrono::nanoseconds offset{0};  ///< what a stamp of the camera lacks to the IMU's of the same moment
+  std::chrono::nanoseconds offset{0};  ///< the IMU's stamp of a moment less the camera's
   bool knows_mounts = false;           ///< the file says how both sit; else they are taken to sit straight
   bool knows_offset = false;           ///< likewise
 

@@ -34,10 +34,10 @@ struct StallOptions {
   double behind_for = 0.1;                         ///< [s]
 };
 
-/// Options of when setpoints are sent (rig), and of whether the IMU samples as it should (imu_watch).
+/// Options of the times at which setpoints are sent (rig), and of the watch on the IMU's rate (imu_watch).
 struct RigTimingOptions {
-  double in_step = 0.01;          ///< of a sample: the rates of two clocks that are meant to be the same
-  double behind_sample = 0.0003;  ///< [s]: later than most samples, which do not come evenly
+  double in_step = 0.01;          ///< of a sample: a period this near to a whole number of samples has that
+  double behind_sample = 0.0003;  ///< [s] from a sample to the setpoints: more than most are late by
   double step_share = 0.02;       ///< of a period, by which setpoints are moved at each sample
   int most_periods = 5;           ///< made up for at once; setpoints of longer ago are left out
   double imu_rate_off = 0.1;      ///< of the rate that the configuration says: a larger error is a fault
@@ -91,8 +91,9 @@ struct PointerOptions {
   double share_of_view = 1.0 / 6;  ///< so near to the middle of a place its image is as good
   /// [s] for a place at the edge, which a sway takes out of reach, from when the axes can be there.
   double patience = 1;
-  /// A place that was none is soon looked at; after more than that the camera was found, or is another one's,
-  /// and the likeliest place would be one that was looked at.
+  /// How long a search knows what it has looked at while another mode is on, such as one that examines a
+  /// likely place: that takes less. After longer the camera was found, or is another one's, and the likeliest
+  /// place would be one that was looked at.
   std::chrono::milliseconds remembered{3000};
   /// [s] until a sample has come and a setpoint is with its drive, as frames of the bus take it, and the part
   /// of that until a sample has come.

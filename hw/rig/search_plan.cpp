@@ -15,7 +15,7 @@ double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// The number of places in a round: as many as views go around, less an overlap.
+/// How many views it takes to cover the angle `round` [rad] with an overlap; 1 at least.
 int count(double round, double view, const SearchPlanOptions& options) {
   return std::max(
       1, static_cast<int>(std::ceil(round / std::max(options.least_step, options.view_step * view) - 1e-9)));

@@ -19,7 +19,7 @@ struct Gait {
   std::optional<double> rest_at{};  ///< from when on the wearer comes to rest: 1 or later
 
   [[nodiscard]] Eigen::Quaterniond world_from_base(double t) const;
-  /// Place of the shoulder, from the point [m].
+  /// The shoulder's place, from the point [m].
   [[nodiscard]] Eigen::Vector3d position(double t) const;
   /// Heading of one who faces the point, without the sway [rad].
   [[nodiscard]] double heading(double t) const;

@@ -16,8 +16,8 @@ namespace cairn::wire::internal {
 /// (convert_test.cpp); a server on a network takes those too, from the trackers of its own host.
 constexpr size_t kMaxSampleBytes = 36'000'000;
 
-/// Whether the samples of a participant of that role wait until their writer is flushed, so that small ones
-/// share datagrams. It is so for a server, which writes the many blocks of maps.
+/// Whether the samples of a participant of that role may wait until their writer is flushed, so that small
+/// ones share datagrams. It is so for a server, which writes the many blocks of maps.
 [[nodiscard]] constexpr bool writes_in_batches(Role role) {
   return role == Role::kServer;
 }

@@ -30,13 +30,14 @@ class Context {
 
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
   [[nodiscard]] const NetworkPath& path() const { return path_; }
-  /// Whether what is written leaves only when its writer is flushed.
+  /// Whether what is written may wait until its writer is flushed.
   [[nodiscard]] bool writes_in_batches() const { return writes_in_batches_; }
   [[nodiscard]] std::optional<Timestamp> good_until() const {
     return security_ ? std::optional(security_->expires) : std::nullopt;
   }
-  /// The middleware's topic, made when first asked for; it lives as long as the context. Error
-  /// kConfiguration: our keys have expired, and nothing more can be made here.
+  /// The middleware's topic, made when first asked for; it lives as long as the context. Errors:
+  /// kConfiguration when our keys have expired, and nothing more can be made here; kInternal when the
+  /// middleware makes none.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
   /// The middleware's type by which the samples of a topic are serialized; it lives as long as the context.
   /// `writer`: any writer of the topic here. Errors as topic(); kInternal when the middleware does not tell

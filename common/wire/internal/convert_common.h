@@ -135,7 +135,7 @@ template <size_t N>
   return {{number.session}, number.seq};
 }
 
-/// Encodes what is decided of a client's commands (OfferVerdict, ClientReply), all but the decisions.
+/// Encodes an answer to a client's commands (OfferVerdict, ClientReply), all but the decisions themselves.
 template <typename Sample, typename Message>
 [[nodiscard]] Sample encode_decided(const Message& message) {
   Sample sample{};
@@ -146,8 +146,8 @@ template <typename Sample, typename Message>
   sample.credit = message.credit;
   return sample;
 }
-/// Decodes the same, and refuses a sample with more decisions than the limits allow. The decisions themselves
-/// are left to the caller.
+/// Decodes such an answer, and refuses one with more decisions than the limits allow. The decisions
+/// themselves are left to the caller.
 template <typename Message, typename Sample>
 [[nodiscard]] Result<Message> decode_decided(const Sample& sample, Check* check) {
   check->schema(sample.schema_version);
