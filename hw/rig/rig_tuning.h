@@ -36,7 +36,7 @@ struct StallOptions {
 
 /// Options of the times at which setpoints are sent (rig), and of the watch on the IMU's rate (imu_watch).
 struct RigTimingOptions {
-  double in_step = 0.01;          ///< of a sample: a period this near to a whole number of samples has that
+  double in_step = 0.01;          ///< of a sample: a period so near to a whole number of samples is in step
   double behind_sample = 0.0003;  ///< [s] from a sample to the setpoints: more than most are late by
   double step_share = 0.02;       ///< of a period, by which setpoints are moved at each sample
   int most_periods = 5;           ///< made up for at once; setpoints of longer ago are left out
