@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "hw/can/strange_frame.h"
 
@@ -71,9 +72,9 @@ Status Rig::take(const RigCommand& command, MonotonicTime now) {
   if (!is_stop && !frees && alive && command.commander != commander_)
     return refuse("the rig is commanded by " + commander_ + "; end that one first");
   const bool is_other = !is_stop && !frees && command.commander != commander_;
-  if (is_other) pointer_.forget_search();  // what the other one has looked for is another camera
   if (Status done = std::visit([&](const auto& what) { return handle(what, now); }, command.what); !done)
     return done;
+  if (is_other) pointer_.forget_search();  // what the other one has looked for is another camera
   if (!is_stop && !frees) {
     commander_ = command.commander;
     commanded_ = now;
@@ -104,14 +105,13 @@ Status Rig::handle(const rig_command::Activate&, MonotonicTime now) {
   return {};
 }
 
-/// Both axes or none.
+/// Begins with both axes, or leaves both as they were.
 Status Rig::begin(Status (Axis::*what)(MonotonicTime), MonotonicTime now) {
-  for (size_t i = 0; i < axes_.size(); ++i) {
-    if (Status begun = (axes_.at(i).*what)(now); !begun) {
-      for (size_t other = 0; other < i; ++other) axes_.at(other).idle();
-      return begun;
-    }
+  auto begun = axes_;
+  for (Axis& axis : begun) {
+    if (Status done = (axis.*what)(now); !done) return done;
   }
+  axes_ = std::move(begun);
   halt_.reset();
   return {};
 }

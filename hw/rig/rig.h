@@ -84,7 +84,7 @@ class Rig {
   Rig(const RigConfiguration& configuration, MonotonicTime now);
 
   /// Carries out a command. Each one taken is a sign of life of its commander. Errors: kRefused for one
-  /// beside a commander that is alive, and for what state or faults do not allow; nothing has begun then.
+  /// beside a commander that is alive, and for what state or faults do not allow; nothing has changed then.
   [[nodiscard]] Status take(const RigCommand& command, MonotonicTime now);
   void receive(const CanFrame& frame, MonotonicTime now);
   /// Sets what must be added to a stamp of the camera to get the IMU's, as it was measured since the

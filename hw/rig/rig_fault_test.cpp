@@ -91,6 +91,21 @@ TEST_P(RigFault, WhenADriveDiesTheOtherIsIdledAndItselfByItsWatchdog) {
   expect_recovery();
 }
 
+/// What one axis refuses is begun with neither: pan need not be homed again.
+TEST_P(RigFault, AHomingThatOneAxisRefusesLeavesTheOtherHomed) {
+  ASSERT_NO_FATAL_FAILURE(start_turning());
+  bench_.bus().drive(1).mute(true);
+  ASSERT_TRUE(bench_.until([&] { return bench_.fault(AxisName::kTilt).has_value(); }, 2s));
+  ASSERT_TRUE(bench_.until([&] { return bench_.is_at_rest(AxisName::kPan); }, 1s));
+  ASSERT_TRUE(bench_.command(rig_command::ClearFaults{}));
+  const auto stands_at = bench_.rig().axis(AxisName::kPan).position();
+  ASSERT_TRUE(stands_at);
+  const Status refused = bench_.command(rig_command::Home{});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("only an idle axis without a fault"));
+  EXPECT_EQ(bench_.rig().axis(AxisName::kPan).position(), stands_at);
+}
+
 /// As with a bus that comes up after the rig's program.
 TEST_P(RigFault, DrivesThatComeLateNeedNoOtherWordThanThoseThatWereThere) {
   bench_.bus().set_bus_off(true);
