@@ -153,7 +153,7 @@ struct MapIdentity {
   Epoch epoch;
 };
 
-/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::evict_images().
+/// Whether the images in a record are given to the map maker, or left out as after MapMaker::evict_images().
 enum class RestoredImages : uint8_t { kStay, kEvicted };
 
 class MapMaker {
