@@ -75,7 +75,7 @@ struct Ruling {
   bool operator==(const Ruling&) const = default;
 };
 
-/// One of the rules that were looked at for a ruling, in the order in which they were.
+/// One of the rules that bear on a ruling (explain()).
 struct RuleSeen {
   enum class Part : uint8_t { kDecides, kExpired, kOutweighed };
   std::string rule;  ///< for a person: "client phone-1, this map: write until 2026-12-01 12:00:00"
@@ -93,17 +93,17 @@ struct Membership {
   bool operator==(const Membership&) const = default;
 };
 
-/// Who may do what with which map: a value, without clock or disk. Of the grants that name a client, one for
-/// the map is before one for all maps, and then the one that names it most closely: client, group (of
-/// several, the one that grants most), everyone. Where there is none, the site's default holds. A blocked
-/// client may do nothing; in a frozen map nobody more than read.
+/// Who may do what with which map: a value, without clock or disk. Of the grants that name a client and have
+/// not expired, one for the map is before one for all maps, and then the one that names it most closely:
+/// client, group (of several, the one that grants most), everyone. Where there is none, the site's default
+/// holds. A blocked client may do nothing; in a frozen map nobody more than read.
 class Rights {
  public:
   /// `standard`: of who is not named by any grant; `may_create`: whether such a one may make maps.
   Rights(Right standard, bool may_create) : standard_(standard), may_create_(may_create) {}
 
-  /// Adds a grant, in place of the one with the same subject and map, if there is one. Error kUsage: it
-  /// grants what cannot be, an extent of a right that lets nothing grow, names that cannot be.
+  /// Adds a grant, in place of the one with the same subject and map, if there is one. Error kUsage: names
+  /// that cannot be, or an extent that cannot be, of all maps, or of a right that lets nothing grow.
   [[nodiscard]] Status grant(Grant grant);
   /// Removes a grant. Error kNotFound: there is no such grant.
   [[nodiscard]] Status revoke(const Subject& subject, const std::optional<MapId>& map);
@@ -115,8 +115,8 @@ class Rights {
   /// the register of the keys says so at each start.
   void set_groups_of_keys(GroupsOfClients groups) { groups_of_keys_ = std::move(groups); }
   void set_standard(Right right, bool may_create);
-  /// Lets the maker of a map write in it, unless a grant for this map has said something else. The grant is
-  /// by the server, and revocable as any other.
+  /// Lets the maker of a map write in it, unless a grant to this client for this map says something else. The
+  /// grant is by the server, and revocable as any other.
   [[nodiscard]] Status let_maker_write(const std::string& client, const MapId& map, Timestamp now);
   /// From now on a client that is not named, as a client or by a group, may do nothing: neither by default
   /// nor by what everyone was granted, nor by having made a map when nobody had to prove who he was.
@@ -142,10 +142,10 @@ class Rights {
   [[nodiscard]] std::string why_frozen(const MapId& map) const;
   /// Why the client is blocked, for a person; empty: it is not.
   [[nodiscard]] std::string why_blocked(const std::string& client) const;
-  /// All rules that rule() looks at for its ruling, in that order.
+  /// All rules that bear on the ruling of rule(), in the order of precedence.
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;
-  /// Clients that a grant or a group names.
+  /// Clients that a grant or a group names, or that have keys.
   [[nodiscard]] std::set<std::string> named_clients() const;
   /// The groups of a client and what says so, ordered by group.
   [[nodiscard]] std::vector<Membership> memberships(const std::string& client) const;

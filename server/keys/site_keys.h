@@ -35,9 +35,9 @@ class SiteKeys {
   /// The clients that have keys, and the groups that these name.
   [[nodiscard]] std::map<std::string, std::set<std::string>> groups_of_clients() const;
 
-  /// Reads the register again if its file is another than before, which costs a look at its name only. True:
-  /// somebody else has keys now. After an error, which it repeats until the file is good, all stays as it
-  /// was.
+  /// Reads the register again if its file is another than before, which costs a look at its name only.
+  /// Returns true if the register says something else now. After an error, which it repeats until the file is
+  /// good, all stays as it was.
   [[nodiscard]] Result<bool> look();
 
  private:

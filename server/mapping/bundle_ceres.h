@@ -51,7 +51,8 @@ struct CeresVariant {
   bool ordered_by_hand = true;  ///< whether points are eliminated first; otherwise Ceres finds an order
 };
 
-/// Solves a problem as solve_bundle() does, but by Ceres. should_stop is polled once per iteration.
+/// Solves a problem as solve_bundle() does, but by Ceres. Cameras stay as they are, free ones too.
+/// should_stop is polled once per iteration.
 BundleReport solve_bundle_with_ceres(BundleProblem* problem, const BundleOptions& options,
                                      const CeresVariant& variant);
 

@@ -37,7 +37,7 @@ class EpipolarSearch {
   /// keyframes.
   [[nodiscard]] std::optional<NewPoint> find(const PointSource& source);
   /// Finds the only place along the line of these depths that resembles the source, to sub-pixel; nothing if
-  /// there is none or more than one.
+  /// there is none, or if a rival resembles it about as much (EpipolarOptions::unique_ratio).
   [[nodiscard]] std::optional<PatchFound> find_match(const PointSource& source, const InverseDepths& depths);
 
   [[nodiscard]] std::optional<PatchView> view_at(const PointSource& source, double inverse_depth) const;

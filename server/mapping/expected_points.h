@@ -22,7 +22,7 @@ struct ExpectedPoint {
 /// The live points of `map` that project into the image at a scale and from a side at which their patches
 /// look alike, and whether they are there. They are looked for as the map maker does for known points;
 /// `options` are its own. `most`: if there are more, a selection that is spread over them all, the same on
-/// every call. Points in front of what stands still are left out.
+/// every call. Points that project onto what stands still in the image are left out.
 [[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,
                                                          const SE3& camera_from_map,
                                                          const KeyframeImages& images,

@@ -92,8 +92,8 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map, doubl
   return nearest;
 }
 
-/// Whether the frame widens a young map: one begun with little parallax is re-adjusted as more comes,
-/// whatever else keyframes are spaced by.
+/// Whether the frame widens a young map. A map begun with little parallax takes such frames whatever the
+/// spacing, since it gets better with each.
 bool widens_map(const MapState& map, const SE3& camera_from_map, double mean_depth) {
   std::vector<Eigen::Vector3d> centers;
   for (const MapKeyframe& k : map.keyframes()) {
@@ -185,10 +185,10 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
   return shown;
 }
 
-/// Reason for refusing a frame whose image does not show the points. The robust pose takes the scatter of the
-/// measurements themselves for its measure: half of any heap of them "agree" with some pose. Pixels from
-/// where the map projects them are no measure either, while a camera is being calibrated. What the image
-/// shows is one.
+/// Reason for refusing a frame whose image does not show the points. That measurements agree with a robust
+/// pose proves nothing, since it scales its residuals by their own scatter: half of any set "agree" with some
+/// pose. Nor does their distance from where the map projects the points, while a camera is being calibrated.
+/// What the image shows does.
 std::string not_of_this_map(size_t shown, size_t measured, size_t needed) {
   return "its image shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
          " points of the map that were measured in it, " + std::to_string(needed) +

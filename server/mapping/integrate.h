@@ -15,7 +15,8 @@ struct KeyframeSpacing {
 
 /// Judges a frame and takes it in. Re-optimizes its pose on the measurements; if accepted, adds the keyframe
 /// with its measurements, refined to sub-pixel, and with every other point of the map that is found in it. A
-/// frame that is refused for its reference or its measurements needs no image: `decode` is not called for it.
+/// frame that is refused for its reference or its measurements needs no image: `decode` is not called for it,
+/// unless it is chained and its reference is there.
 [[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                                   const KeyframeSpacing& spacing, const DecodeImage& decode,
                                                   const MapMakerOptions& options);

@@ -52,8 +52,9 @@ struct KeyframeCount {
 /// quarter more of them.
 [[nodiscard]] bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes,
                                     const SelfCalibrationOptions& options);
-/// Takes in what an adjustment of these keyframes found. Freezes a camera that is known well enough: sigma
-/// small, by enough keyframes, and successive estimates agree.
+/// Takes in the values and sigmas that an adjustment of these keyframes found. If it has judged the camera,
+/// and there are new keyframes, freezes one that is known well enough: sigma small, by enough keyframes, and
+/// successive estimates agree.
 void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& keyframes,
             const SelfCalibrationOptions& options);
 /// Whether there were enough keyframes (SelfCalibrationOptions::many_keyframes), and still the focal length
@@ -73,7 +74,7 @@ CameraMove take_move(MapCamera* camera, const SelfCalibrationOptions& options);
 /// Counts the camera's present state as published.
 void count_as_published(MapCamera* camera, const SelfCalibrationOptions& options);
 /// Publishes a new version if the values have changed by what can be seen, if they are known notably better,
-/// or if they were frozen. Returns whether it has.
+/// if they were frozen, or if cannot_be_known() has changed. Returns whether it has.
 bool publish(MapCamera* camera, const SelfCalibrationOptions& options, const PublicationOptions& publication);
 
 }  // namespace cairn

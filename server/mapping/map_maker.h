@@ -47,7 +47,8 @@ struct SeedInput {
   /// Mask of what stands still in both images, where no point is made; null: nothing does.
   StillMaskPtr still = {};
   std::optional<UpDirection> second_up = {};  ///< in the axes of the second view; nothing: not known
-  /// Extent in which its cameras and points must lie in the map that it makes; nothing: everywhere.
+  /// Extent, in the frame of the map that it makes, in which its cameras must lie; points outside are left
+  /// out. Nothing: everywhere.
   std::optional<Extent> extent = {};
 };
 
@@ -74,8 +75,8 @@ struct KeyframeInput {
   bool is_chained = false;
   StillMaskPtr still = {};             ///< as SeedInput's
   std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
-  /// Extent in which its camera, and the points that are made for it, must lie; nothing: everywhere. Points
-  /// that are there already are measured wherever they are.
+  /// Extent in which its camera must lie, and outside of which no point is made for it; nothing: everywhere.
+  /// Points that are there already are measured wherever they are.
   std::optional<Extent> extent = {};
   /// Its client may add and not take away: no keyframe or point gives way because it has come, then or later.
   bool adds_only = false;
@@ -152,7 +153,7 @@ struct MapIdentity {
   Epoch epoch;
 };
 
-/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::evict_images().
+/// Whether the images in a record are given to the map maker, or left out as after MapMaker::evict_images().
 enum class RestoredImages : uint8_t { kStay, kEvicted };
 
 class MapMaker {
@@ -201,9 +202,8 @@ class MapMaker {
   /// Keeps the last good map (and says so in the report) when the solution is not finite or worse.
   StepReport adopt(const GlobalAdjustment& solved);
 
-  /// The map as of now, as blocks; blocks in which nothing moved by more than 0.2 px (as seen from the source
-  /// keyframe) since they were last cut are shared with the previous snapshot. The revision grows only if
-  /// something changed.
+  /// The map as of now, as blocks; blocks in which nothing changed visibly (PublicationOptions) since they
+  /// were last cut are shared with the previous snapshot. The revision grows only if something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
   /// Live keyframes with their images and measurements, ascending by id, for the relocalizer. Those whose
@@ -215,8 +215,8 @@ class MapMaker {
 
   /// Some hundred microseconds for ten thousand points.
   [[nodiscard]] MapStatistics statistics() const;
-  /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now. Some
-  /// milliseconds: for who asks, not for every revision.
+  /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now; those
+  /// whose point does not project count as 0. Takes some milliseconds, so it is not for every revision.
   [[nodiscard]] double reprojection_rms() const;
 
   /// Returns what has to be kept of the changes since the last call; the first time, all of the map.
@@ -232,8 +232,8 @@ class MapMaker {
   [[nodiscard]] bool lacks_any_images() const;
   /// Keyframes whose images have been evicted, ascending.
   [[nodiscard]] std::vector<KeyframeId> lacking_images() const;
-  /// Gives an image back as it was kept (ImageRecord): with all of them the map is what it was. False when it
-  /// is not of the keyframe's size. Some milliseconds.
+  /// Gives an image back as it was kept (ImageRecord): with all of them the map is what it was. Returns false
+  /// if the image is not of the size of the keyframe's camera. Some milliseconds.
   [[nodiscard]] bool page_in_image(KeyframeId keyframe, const GrayView& image);
 
  private:

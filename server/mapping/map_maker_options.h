@@ -13,7 +13,7 @@
 namespace cairn {
 
 /// Who minimizes in bundle adjustment: our own solver, or Ceres, several times slower, as an independent
-/// check (README.md).
+/// check (README.md). Global adjustments that calibrate cameras are always by our own.
 enum class Adjuster : uint8_t { kOwn, kCeres };
 
 /// Options of the search for a corner of one keyframe in another, along the line that its ray draws there
@@ -38,8 +38,10 @@ struct EpipolarOptions {
 
 /// Options of making points that two keyframes show (new_points; PTAM 2007, 6.2).
 struct TwoViewPointOptions {
-  int partners = 2;              ///< keyframes in which each candidate is searched, until one has it
-  int confirming_keyframes = 3;  ///< further keyframes in which a new point is looked for to confirm it
+  int partners = 2;  ///< keyframes in which each candidate is searched, until one has it
+  /// Keyframes beside the partners in which a new point is looked for, as in the other partners, to confirm
+  /// it.
+  int confirming_keyframes = 3;
   /// [rad] Least parallax of a new point, 1 degree: with less its depth from two views is noise (0.3 px at f
   /// 525 is 3 % of it).
   double min_parallax = 0.0175;
@@ -79,8 +81,9 @@ struct CandidatePointOptions {
   /// Largest sigma over depth with which a candidate becomes a point: 0.3 px of level 1 at a parallax of one
   /// degree and f 525, as of points from two views.
   double known_depth = 0.06;
-  double measured_sigma = 0.3;        ///< [search-level px] standard deviation of where a candidate is found
-  double max_squared_residual = 1.0;  ///< [search-level px^2] of what is found, across the line
+  double measured_sigma = 0.3;  ///< [search-level px] standard deviation of where a candidate is found
+  /// [search-level px^2] Largest squared distance of a find from where the depth that it corrects puts it.
+  double max_squared_residual = 1.0;
   /// [level px] Least distance of a candidate from a measured point of the map, new ones included.
   float known_distance = 10;
   /// Least cosine between the directions from a candidate to its keyframe and to a partner: a more oblique
@@ -109,7 +112,8 @@ struct IntegrationOptions {
   /// Share of the spacing that a keyframe must keep from every other, even if it shows new area or looks
   /// another way.
   double new_area_distance = 0.3;
-  /// A frame shows new area if it measures a smaller share than this of the points of its reference keyframe.
+  /// A frame shows new area if it has fewer good measurements than this share of its reference keyframe's
+  /// number.
   double few_known = 0.6;
   int area_level = 1;  ///< pyramid level whose corners tell new area (KnownArea), the same as the tracker's
   /// [search-level px] Radius within which points of the map are looked for in a chained frame: a step of a
@@ -179,16 +183,17 @@ struct SelfCalibrationOptions {
   /// slow drift is no agreement. What was measured under a camera that is off agrees with it, and it takes
   /// many keyframes to draw the estimate away.
   double agreement = 0.01;
-  int enough_agreements = 3;  ///< successive estimates that must agree for a camera to be known
+  /// Number of successive estimates that must agree with the one before them for a camera to be known.
+  int enough_agreements = 3;
   /// Number of live keyframes that a camera needs to become known: the spread of fewer says little.
   uint64_t fewest_keyframes = 12;
   /// As `fewest_keyframes`, for a camera whose prior sigma was no larger than `known_focal_sigma`: it tells
   /// nothing of the keyframes.
   uint64_t fewest_of_believed = 20;
-  /// Number of keyframes from which on a camera that is not known counts as one that cannot be: more of the
-  /// same will not tell.
+  /// Number of keyframes ever made of a camera from which on it counts as one that cannot be known if it is
+  /// not: more of the same will not tell.
   uint64_t many_keyframes = 40;
-  /// Share, one in so many, by which the keyframes of such a camera must have grown to judge it again.
+  /// Such a camera is judged again once its keyframes have grown by one for every so many.
   uint64_t one_more_to = 4;
   /// [ln of the focal length] Change of a camera from which on patches are aimed anew and all points are
   /// searched again: some px where the image ends.
@@ -228,13 +233,14 @@ struct MapMakerOptions {
   /// Least distance of a keyframe from others that look the same way, over its mean depth, in units of
   /// baseline / first mean depth (PTAM r114).
   double min_keyframe_distance = 1.0;
-  int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
+  /// Most new points that are made for a keyframe; at the start, half as many at each pyramid level.
+  int max_points_per_keyframe = 1000;
   /// Number of keyframes, beside the newest, that move in a local adjustment: those that share most points
   /// with it (PTAM r114).
   int local_keyframes = 4;
   int local_iterations = 10;       ///< most iterations of a local adjustment
-  size_t max_points = kMaxPoints;  ///< points ever made in a map: removed points keep their slot
-  uint64_t seed = 1;
+  size_t max_points = kMaxPoints;  ///< most points ever made in a map: removed ones keep their slot
+  uint64_t seed = 1;               ///< of the search for the dominant plane
   StartOptions start = {};
   IntegrationOptions integration = {};
   TwoViewPointOptions new_points = {};

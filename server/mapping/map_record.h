@@ -18,7 +18,7 @@
 namespace cairn {
 
 /// A camera that is self-calibrated in the map. What was published of it is not kept: after a restart its
-/// present values are.
+/// present values count as published.
 struct CalibratedCameraRecord {
   int index = 0;
   MapCamera camera;

@@ -197,7 +197,7 @@ class MapState {
   /// Number of points that each keyframe shares with the given set, indexed by id - 1.
   [[nodiscard]] std::vector<int> shared_points(const std::vector<Measurement>& measurements) const;
 
-  /// Applies a change of frame and unit to everything: points by `similarity`, cameras accordingly.
+  /// Applies a change of frame and unit to everything: points by `new_from_old`, cameras accordingly.
   void transform(const Similarity3& new_from_old);
 
  private:

@@ -14,8 +14,8 @@
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
 namespace cairn {
 
-/// The `count` other keyframes that see most of these points [map frame] at a useful parallax, best first.
-/// The median parallax is at least `min_parallax` [rad].
+/// The other keyframes, at most `count`, that see most of these points [map frame] at a useful parallax, best
+/// first. The median parallax of each is at least `min_parallax` [rad].
 [[nodiscard]] std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& keyframe,
                                                     std::span<const Eigen::Vector3d> points,
                                                     double min_parallax, size_t count,
@@ -37,8 +37,8 @@ struct NewPoints {
 
 /// Makes points at one pyramid level of a keyframe: candidates away from known measurements, strongest first;
 /// each is searched along its epipolar line, accepted if unique, triangulated, and confirmed by reprojection,
-/// parallax and, where others should see it too, at least one further keyframe that confirms it (PTAM
-/// 2007, 6.2; PTAM r114). `should_yield` is polled about every millisecond.
+/// parallax and, where at least two further keyframes should see it, by a find in one of them (PTAM 2007,
+/// 6.2; PTAM r114). `should_yield` is polled about every millisecond.
 [[nodiscard]] NewPoints make_new_points(MapState* map, KeyframeId keyframe, int level,
                                         const NewPointsLimits& limits, const TwoViewPointOptions& options,
                                         const std::function<bool()>& should_yield);

@@ -26,7 +26,7 @@ double texel(double metres) {
   return metres * kTexelsPerMetre + 400;
 }
 
-/// Random rectangles of random grey, large ones first, blurred by one texel: corners at every scale.
+/// Random rectangles of random grey, large ones first: corners at every scale.
 std::vector<float> make_texture(std::mt19937_64* engine) {
   std::vector<float> t(static_cast<size_t>(kTexels) * kTexels, 128.0F);
   const auto random = [engine](int low, int high) {

@@ -7,8 +7,8 @@ namespace {
 constexpr size_t kFirstKept =
     2;  ///< by definition: problems hold the first, its tracker begins at the second
 
-/// Whether a map without this keyframe still holds the measured point as well as with it: enough `observers`
-/// that do not add only show it at the same or a finer level.
+/// Whether a map without this keyframe still holds the measured point as well as with it: its patch is from
+/// elsewhere, and at least `observers` others that do not add only show it at the same or a finer level.
 bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m, int observers) {
   const MapPoint& point = map.point(m.point);
   if (point.source->keyframe == keyframe) return false;

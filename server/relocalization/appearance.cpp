@@ -89,7 +89,7 @@ double correlate_local(std::span<const Pair> pairs) {
   return correlation.value();
 }
 
-/// The correlation of local brightness in a cell of the image, and how much it is made of.
+/// The correlation of local brightness in a cell of the image, and the numbers of sightings and points in it.
 struct Cell {
   Correlation local;
   int sightings = 0;

@@ -11,19 +11,19 @@ struct AppearanceOptions {
   /// A point that is this many times as deep as its neighbours is behind them, and passed over. Of a plane
   /// turned by 50 degrees the far points of a neighbourhood are, too; the others speak for them.
   float behind = 1.15F;
-  /// A cell of the image is inconsistent if its correlation is below the limit `inconsistent` even when it is
-  /// raised by so many standard errors (Fisher's z). The error goes by the number of sightings, which are not
-  /// independent, since a point may have four. Both are chosen together, on desks that look alike
+  /// A cell of the image is inconsistent if its correlation is below `inconsistent` even when it is raised by
+  /// `standard_errors` of its standard errors (Fisher's z). The error goes by the number of sightings, which
+  /// are not independent, since a point may have four. Both are chosen together, on desks that look alike
   /// (tests/bench/HISTORY.md).
   double inconsistent = 0.35;
   double standard_errors = 2.5;
   int fewest_points = 4;  ///< least number of points in a cell that is judged
 };
 
-/// How alike a query and keyframes look, -1..1 each; -1 without points.
+/// How alike a query and keyframes look. The correlations are -1 to 1, and -1 without points.
 struct Appearance {
-  /// Pearson's correlation of how much brighter each point is than what lies around it: that hears of what is
-  /// on things, and other light or exposure does not matter to it.
+  /// Pearson's correlation of how much brighter each point is than what lies around it (Brightness::local).
+  /// It depends on what is on things, and not on light or exposure.
   double local = -1;
   /// Spearman's correlation of the grey levels: which things are brighter than which others, across the
   /// image. Any curve of grey levels keeps that order.

@@ -13,7 +13,7 @@ namespace {
 constexpr int kWindow = 2;    ///< [px of level 3] on each side: 40 px of the image
 constexpr int kWhite = 254;   ///< [grey levels] of a pixel made of 64 that were clipped
 constexpr int kBlack = 1;     ///< likewise
-constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to count
+constexpr double kNoise = 3;  ///< [grey levels] added to the contrast
 
 }  // namespace
 

@@ -9,8 +9,8 @@
 /// Whether a pose is the best there is around it, and how far it may be off.
 namespace cairn {
 
-/// Options of settle(). A pose is wrong by ConfirmOptions::most_sigma. Where no reason is given, a value is
-/// chosen, not measured.
+/// Options of settle(). A pose counts as wrong if it is off by more than ConfirmOptions::most_sigma. Where no
+/// reason is given, a value is chosen, not measured.
 struct SettleOptions {
   /// [depth, or rad] Distance of the starts from the pose: twice what makes a pose wrong.
   double aside = 0.06;

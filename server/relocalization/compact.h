@@ -17,8 +17,9 @@ constexpr size_t kCompactSize = 80;
 
 /// A tiny image reduced for a first comparison: the lowest frequencies of its cosine transform (orthonormal
 /// DCT-II), of the image scaled to unit length, so that gain does not matter. The image's mean is zero, so
-/// the constant is not among them. Lowest first, in units of the frequency across an image of 4:3, as the
-/// blur takes away what is high of these. Where the image is too small to have a frequency the value is 0.
+/// the constant is not among them. They are in the order of their frequency per pixel in an image of 4:3, the
+/// lowest first, since the blur takes away the high ones. Where the image is too small to have a frequency
+/// the value is 0.
 struct CompactImage {
   std::array<float, kCompactSize> values{};  ///< all 0: an image without contrast
   uint16_t width = 0;                        ///< of the tiny image

@@ -108,7 +108,8 @@ void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& o
   }
 }
 
-/// The pose with which most matches agree, from three of those that are supported.
+/// The first pose: the one from three supported matches with which most of these agree, optimized over all
+/// `matches`.
 Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
                                std::span<const PlaceMatch> matches, std::span<const PlaceMatch> supported,
                                const ConfirmOptions& options) {
@@ -133,8 +134,9 @@ int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const s
   }));
 }
 
-/// Whether it is worth while to refine the pose, by how alike some of the keyframe's points are there, which
-/// `result` is told. Most wrong poses end here, for a small part of what refining them costs.
+/// Checks whether it is worth while to refine the pose, by how alike some of the keyframe's points look
+/// there; `result` takes over that similarity. An error: it is not. Most wrong poses end here, for a small
+/// part of what refining them costs.
 Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
                      const ConfirmOptions& options, Confirmation* result) {
   if (result->agreeing_cells >= options.by_extent.agreeing_cells) return {};
@@ -159,7 +161,7 @@ double median_depth(const ProjectedPoints& points) {
   return *middle;
 }
 
-/// Takes over into `result` the refined pose and what is seen with it.
+/// Sets in `result` the refined pose and what is seen with it.
 void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined,
                   const AppearanceOptions& options, Confirmation* result) {
   result->camera_from_map = refined.pose.camera_from_map;

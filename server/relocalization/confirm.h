@@ -45,7 +45,7 @@ struct ConfirmOptions {
   int min_inliers = 30;  ///< least number of inliers of the refined pose
   int min_cells = 5;     ///< least number of cells of the image, of kImageCells, in which inliers lie
   /// What a hypothesis needs to be accepted in one of several ways, any of which is enough (DECISION.md, 4).
-  /// All of a way's conditions must hold. They come from sources that know nothing of each other.
+  /// All conditions of that way must hold. They come from sources that know nothing of each other.
   struct Acceptance {
     double similarity = 0;   ///< least image similarity (Appearance::local, -1 to 1)
     double evidence = 0;     ///< least evidence()
@@ -66,8 +66,8 @@ struct ConfirmOptions {
   /// keyframe is examined. Most right answers have as much, and no look-alike has.
   int clear_agreeing = 25;
   double clear_evidence = 0.82;
-  /// Least evidence() and image similarity of the first pose, by which it is refined at all. With less the
-  /// place is another, unless as many cells agree as `by_extent` needs.
+  /// Least evidence() and image similarity with which the first pose is refined at all. With less the place
+  /// is another, unless as many cells agree as `by_extent` needs.
   double least_evidence = 0.45;
   double least_similarity = 0.25;
   /// [median depths] Largest standard deviation of the camera's position, position_sigma(), with which a
@@ -87,13 +87,14 @@ struct ExplainedCorner {
 struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
-  /// The refined pose, or the one from three matches where refinement was refused or failed; nothing if no
-  /// pose was found with which ConfirmOptions::min_agreeing matches agree.
+  /// The refined pose, or the first one where refinement was refused or failed. Nothing if no pose was found
+  /// with which ConfirmOptions::min_agreeing matches agree, or if gravity forbids the first pose.
   std::optional<SE3> camera_from_map;
   /// Number of matches by descriptors alone; of half of the corners only, where none of these is supported.
   int matches = 0;
   int supported = 0;  ///< of `matches`, those that neighbours support
-  /// Number of `matches` that agree with the pose that RANSAC finds from three supported ones.
+  /// Number of `matches` that agree with the first pose, which RANSAC finds from three supported ones and all
+  /// `matches` refine.
   int agreeing = 0;
   /// Number of `supported` matches that do not agree, but at whose corners the refined pose finds other
   /// points.
@@ -122,14 +123,15 @@ struct Confirmation {
 /// fits them all.
 [[nodiscard]] double unity(const Confirmation& said);
 
-/// Weighted mean of image similarity, grey order and unity(), of which local brightness, which tells most,
-/// counts twice. A place like the right one may be well off by any single one of them.
+/// Weighted mean of image similarity, grey order and unity(). Image similarity, which tells most, counts
+/// twice. A place that only looks like the right one may do well by any single one of them.
 [[nodiscard]] double evidence(const Confirmation& said);
 
 /// Verifies a keyframe as the place of a query. The corners are matched with the keyframe's points; P3P in
-/// RANSAC finds a pose from three supported matches with which most matches agree; if the image looks a
-/// little like the place with that pose, it is refined with the points of this keyframe and of others around.
-/// `keyframe`: index into those of the map; `prefilter`: its result there. Deterministic.
+/// RANSAC finds the pose from three supported matches with which most of these agree, and it is optimized
+/// over all matches. If the image looks a little like the place from there, the pose is refined with the
+/// points of this keyframe and of others around. `keyframe`: index into those of the map; `prefilter`: its
+/// result there. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
                                    size_t keyframe, const Prefilter& prefilter,
@@ -137,7 +139,7 @@ struct Confirmation {
 
 /// Searches from around a confirmed pose for a better one (settle()) and judges the place again by what is
 /// seen from there. `said` is no longer confirmed where that speaks against it, or leaves too open where the
-/// camera is.
+/// camera is. Precondition: `said` has a pose.
 void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                      const IndexedMap& map, size_t keyframe, const ConfirmOptions& options,
                      Confirmation* said);

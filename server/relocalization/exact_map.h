@@ -55,10 +55,10 @@ class ExactMap {
 [[nodiscard]] std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map,
                                                 size_t keyframe);
 
-/// The camera that an answer's best candidate says, in the map's frame.
+/// The pose (camera_from_map) of an answer's best candidate.
 [[nodiscard]] SE3 camera_of(const RelocalizationAnswer& answer, const MapSnapshot& map);
 
-/// Distance between two cameras, over the depth of the view.
+/// Distance between two cameras, over the mean depth of the keyframe nearest to `truth`.
 [[nodiscard]] double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map);
 
 }  // namespace cairn::testing

@@ -25,8 +25,7 @@ struct Distance {
   }
 };
 
-/// The `count` nearest images, at most, that are still there. One that is gone does not take the place of one
-/// that is not.
+/// The nearest images that are still there, at most `count`. One that is gone takes no place among them.
 class NearestThere : public flann::ResultSet<float> {
  public:
   NearestThere(size_t count, std::span<const uint32_t> slots,

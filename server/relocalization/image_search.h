@@ -48,17 +48,17 @@ struct NearImage {
 /// them.
 constexpr size_t kImagesNear = 512;
 
-/// The `images` keyframes (one at least) that are nearest to a query by their compact images, found once,
-/// then asked. Index and query have to outlive it.
+/// The `images` keyframes (one at least) that are nearest to a query by their compact images. They are
+/// searched once, by the constructor. Index and query have to outlive it.
 class NearImages {
  public:
   NearImages(const PlaceIndex& index, const QueryImage& query, ImageSearch search,
              size_t images = kImagesNear);
 
-  /// The `count` keyframes of the lowest dissimilarity(), best first; ties go by ids. Images of another size,
-  /// and those of a query without contrast, are not among them. What is near is compared exactly: the
-  /// distance of compact images is a bound of the dissimilarity, so a scan leaves out nothing, and a forest
-  /// what it has not found near.
+  /// The `count` keyframes of the lowest dissimilarity(), best first; ties go by ids. Images of another size
+  /// are not among them, and there are none for a query without contrast. Near images are compared exactly.
+  /// The distance of compact images is a bound of the dissimilarity, so a scan leaves out nothing; a forest
+  /// leaves out what it does not return as near.
   [[nodiscard]] std::vector<Ranked> most_similar(size_t count) const;
   /// The maps of the near images, ascending by id; all maps if the index has no more keyframes than `images`,
   /// or the query has no contrast. A map with images of another size, which cannot be compared, is always one

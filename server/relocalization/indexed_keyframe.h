@@ -44,8 +44,8 @@ struct Sighting {
 /// The points of a keyframe as they look at one exposure.
 struct DescribedPoints {
   float white = 0;  ///< share of the image that is clipped
-  /// Points in the order of the descriptor's cell, then scale, then `measured`. Each point stands at two
-  /// scales.
+  /// Points in the order of the descriptor's cell, then scale, then `measured`. Each point is there at two
+  /// scales, or fewer near the border.
   std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
   /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
@@ -75,8 +75,8 @@ struct IndexedKeyframe {
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 
 /// Indexes a keyframe. Points that `previous` (null: none), the keyframe as it was indexed before, measured
-/// at the same pixel are taken from there, unless its image was another; the others are described. A few
-/// milliseconds without `previous`.
+/// at the same pixel and level are taken from there, unless its image was another; the others are described.
+/// A few milliseconds without `previous`.
 [[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view,
                                                 const IndexedKeyframe* previous = nullptr);
 

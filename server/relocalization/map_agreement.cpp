@@ -22,7 +22,8 @@ Eigen::Quaterniond mean_rotation(std::span<const SharedView* const> views) {
 }
 
 /// Least squares over the centres, with the rotation that the cameras have: two views are enough, where
-/// centres alone would need three that lie on no line. Nothing: they lie in one place, or oppositely.
+/// centres alone would need three that lie on no line. Nothing if the centres coincide, or if the two maps
+/// place them oppositely.
 std::optional<Similarity3> fit(std::span<const SharedView* const> views) {
   const Eigen::Quaterniond rotation = mean_rotation(views);
   Eigen::Vector3d mean_one = Eigen::Vector3d::Zero();

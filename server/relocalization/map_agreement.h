@@ -57,12 +57,12 @@ struct MapAgreement {
   std::vector<size_t> views;  ///< those that agree with it, ascending: at least two, not taken from one place
 };
 
-/// The similarity with which most views agree; nothing: no two of them do. O(n^3); of equals that with the
-/// least error.
+/// The similarity with which most views agree, and of equals the one with the least error; nothing if no two
+/// views agree on one. O(n^3).
 [[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views,
                                                          const MapAgreementOptions& options);
 
-/// How far apart two cameras in one frame are: distance in mean depths, plus angle in radians.
+/// How far apart two cameras in one frame are: the distance over `depth` [map unit], plus the angle [rad].
 [[nodiscard]] double separation(const SE3& a, const SE3& b, double depth);
 
 }  // namespace cairn

@@ -17,8 +17,8 @@ namespace cairn {
 struct MatchOptions {
   int max_distance = 70;  ///< [bits of 256] largest distance of a match without a pose to guide it
   float ratio = 0.85F;    ///< largest distance of a match, over that of its best rival (Lowe, IJCV 2004)
-  /// [px of level 0 times 2^level] Points nearer to each other than this are one corner at two levels, and no
-  /// rivals.
+  /// [px of level 0 times 2^level] Points of two scales that lie nearer to each other than this are one
+  /// corner, and no rivals. Matches that lie nearer [px] do not support each other.
   float same_place = 6;
   int max_guided_distance = 60;  ///< [bits of 256] largest distance of a match near where a pose expects it
   float neighbourhood = 80;      ///< [px] distance in the keyframe within which matches are neighbours
@@ -83,8 +83,8 @@ class CornerGrid {
   void find(const Eigen::Vector2d& pixel, int level, double radius, std::vector<uint32_t>* out) const;
 
  private:
-  /// Cells of a level: those of corners that lie in cell (column, row) are [begin[i], begin[i + 1]) of the
-  /// entries, where i = row * columns + column.
+  /// Cells of a level: the corners in cell (column, row) are [begin[i], begin[i + 1]) of the entries, where i
+  /// = row * columns + column.
   struct Level {
     double cell = 1;  ///< px of level 0
     int columns = 0;
@@ -122,8 +122,8 @@ struct ProjectedPoints {
   }
 };
 /// Projects the points that some keyframes of the map (indices) have described, as they look in an image of
-/// which a share is `white`, and keeps those in the image; of all points, in the order of ids, one of `every`
-/// so many. `out` keeps its memory.
+/// which a share is `white`, and keeps those in the image. Of all points, in the order of ids, only each
+/// `every`-th is looked at. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
                     std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every = 1);
 

@@ -32,13 +32,17 @@ struct Overlap {
 };
 
 /// Finds where an image was taken in each map of the index that has its place: the best confirmed candidate
-/// of each, until OverlapOptions::most_maps maps have it or no other has. Takes as long as a query for each
-/// map that has it, and one more.
+/// of each, until OverlapOptions::most_maps maps have it or no other has. Takes at most as long as a query
+/// for each map that has it, and one more.
 [[nodiscard]] std::vector<PlaceCandidate> find_in_each_map(PlaceIndex index, const Camera& camera,
                                                            const PlaceView& view,
                                                            const RelocOptions& options);
 
-/// Gathers which keyframes of maps have been searched for in other maps, and with what answer.
+/// Gathers which keyframes of maps have been searched for in other maps, and with what answer. One keyframe
+/// in another map may be a look-alike, and so may its neighbours in the map, which show the same. So maps
+/// overlap only if at least OverlapOptions::least_keyframes keyframes agree on one similarity, and no fewer
+/// than those that are missing: that stand next to a keyframe of the other map by that similarity, and were
+/// found in no map. One thread at a time. Takes some 100 bytes a keyframe.
 class OverlapDetector {
  public:
   explicit OverlapDetector(const OverlapOptions& options) : options_(options) {}

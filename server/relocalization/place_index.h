@@ -71,9 +71,9 @@ class PlaceIndex {
   /// The maps, ascending by id.
   [[nodiscard]] const std::vector<IndexedMapPtr>& maps() const { return maps_; }
   [[nodiscard]] const IndexedMap* find(const MapId& map) const;
-  /// An index of those of its maps that are among `maps`.
+  /// An index, without a forest, of those of its maps that are among `maps`.
   [[nodiscard]] PlaceIndex only(const MapSet& maps) const;
-  /// Whether only() would return the same, as all its maps are among `maps`.
+  /// Whether all its maps are among `maps`, so that only() would leave none out.
   [[nodiscard]] bool is_within(const MapSet& maps) const;
   [[nodiscard]] size_t keyframe_count() const { return keyframe_count_; }
   /// Number of keyframes that show a word.

@@ -20,13 +20,14 @@ struct RefineOptions {
   /// [px of the corner's level] Radii of the search around a pose, step by step: a pose from three points is
   /// rough yet.
   std::array<double, 3> radii = {6, 4, 2.5};
-  /// [sigma] The radius must hold so much of where a point is expected, or the point is not searched.
+  /// [sigma] A point is searched in a step only if the radius is at least so many sigmas of its expected
+  /// pixel; the last step searches all.
   double certainty = 3;
   uint64_t enough_for_pose = 200;  ///< most points that are looked for in a step; the last step looks for all
 };
 
-/// How the pixel of a point `seen` in the camera changes with the pose (left tangent: translation,
-/// rotation) [px]; nothing for a point that does not project.
+/// Derivative of a point's pixel [px] by the pose (left tangent: translation, rotation); nothing for a point
+/// that does not project. `seen`: the point in the camera's frame.
 [[nodiscard]] std::optional<Eigen::Matrix<double, 2, 6>> pixel_by_pose(const Camera& camera,
                                                                        const Eigen::Vector3d& seen);
 

@@ -25,8 +25,8 @@ Ranked rank(const IndexedMap& map, size_t keyframe, const QueryImage& query) {
   return {std::isfinite(cost) ? cost : kOpposite, &map, keyframe};
 }
 
-/// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
-/// SIGIR 2009, with its constant). Ties: in the order of `by_image`, then of `by_words`.
+/// Fuses two rankings: what stands high in both comes first (reciprocal rank fusion: Cormack et al., SIGIR
+/// 2009). `damping`: its constant. Ties: in the order of `by_image`, then of `by_words`.
 std::vector<Ranked> fuse(const std::vector<Ranked>& by_image, const std::vector<Voted>& by_words,
                          const QueryImage& query, float damping) {
   std::vector<std::pair<float, Ranked>> fused;
@@ -93,8 +93,8 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 }
 
 /// Sorts hypotheses: first those that are believed, by how similar the image is, since from one keyframe the
-/// pose may be worse than from another and inliers do not tell. Then come those that look right but are
-/// refused as common, then the rest, in the order in which they were examined.
+/// pose may be worse than from another and inliers do not tell. Then come those that are confirmed by
+/// themselves but refused for others, then the rest. Otherwise the order in which they were examined stays.
 void put_in_order(std::vector<PlaceHypothesis>* hypotheses) {
   std::ranges::stable_sort(*hypotheses, [](const PlaceHypothesis& a, const PlaceHypothesis& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;

@@ -30,28 +30,30 @@ enum class RelocMethod : uint8_t {
 /// run-reloc (tests/bench/HISTORY.md).
 struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
-  /// Number of keyframes, the most similar by their tiny images, that are prefiltered before the words vote.
+  /// Number of keyframes, the most similar by their tiny images, that are prefiltered and looked at closer
+  /// before the words vote.
   int by_image_alone = 2;
-  /// Number of keyframes that are prefiltered by images and words, `by_image_alone` included. Geometry then
-  /// examines first those of which the prefilter sees most. An answer names no more candidates than this.
+  /// Number of keyframes that a search prefilters by images and words, `by_image_alone` included. Geometry
+  /// then examines first those of which the prefilter sees most. An answer names no more candidates than
+  /// this.
   int shortlist = 16;
   /// How the tiny images are searched. With kScan the answer is the same whenever and wherever these maps are
   /// asked.
   ImageSearch search = ImageSearch::kForest;
-  /// Number of images up to which all are scanned; with more a forest is planted, which finds them sooner
-  /// (cairn-index-bench).
+  /// Number of images up to which all are scanned; with more a forest is planted, which finds most of the
+  /// nearest sooner (cairn-index-bench).
   size_t most_scanned = 40'000;
   ForestOptions forest;
   ConfirmOptions confirm;
-  /// Share of the corners found at a confirmed place that no rival explains as something else; with less the
-  /// place is refused. Rivals are keyframes of other maps, and of its own map where they explain corners
-  /// otherwise.
+  /// Least share of the corners found at a confirmed place that no rival explains as something else; with
+  /// less the place is refused. Rivals are keyframes of maps of which none is confirmed, and of its own map
+  /// where they explain corners otherwise.
   double least_peculiar = 0.25;
-  /// Ratio of the corners that a confirmed place explains to those that any one rival does; with less it is
-  /// refused.
+  /// Least ratio of the corners that a confirmed place explains to those that any one rival does; with less
+  /// it is refused.
   double least_margin = 1.25;
-  /// A place is refused if, for each keyframe that confirms it, at least so many others show it in part
-  /// otherwise.
+  /// A place is refused if at least so many keyframes show it in part otherwise for each one that confirms
+  /// it.
   int outvoted_by = 3;
   /// [mean depths plus rad] Two poses in one map contradict each other if they are farther apart
   /// (separation()).

@@ -7,9 +7,10 @@
 
 #include "common/image/descriptor.h"
 
-/// The vocabulary by which descriptors are compared before they are compared with each other: Hamming space
-/// in cells, and each cell in words (a vocabulary tree of two levels: Nister and Stewenius, CVPR 2006). It is
-/// the same in every server: it is made with the program (make_vocabulary.cpp), of no recording and no map.
+/// The vocabulary, which divides the Hamming space of descriptors into cells and each cell into words, so
+/// that only descriptors of near cells are compared (a tree of two levels: Nister and Stewenius, CVPR 2006).
+/// It is the same in every server: it is made with the program (make_vocabulary.cpp), of no recording and no
+/// map.
 namespace cairn {
 
 constexpr size_t kVocabularyCells = 256;

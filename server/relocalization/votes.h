@@ -24,11 +24,11 @@ struct Voted {
 
 /// The keyframes with the most votes of the query's words, best first (Sivic and Zisserman, ICCV 2003). A
 /// corner votes by the nearest words of several cells for every keyframe that shows one of them, with the
-/// logarithm of how few keyframes show it; a word that the query shows often counts by its root (Jegou et
-/// al., CVPR 2009). From a keyframe's sum goes what its number of words gets by chance, and the rest is
-/// divided by the root of that number, as its spread by chance grows: a keyframe that shows much has no
-/// advantage. `cells` of probed_cells(). `maps`: of the index, whose keyframes are voted for; how rare a word
-/// is all maps say. Sums are of integers and ties go by ids.
+/// logarithm of how few keyframes show it; a word that n corners of the query show counts root n times (Jegou
+/// et al., CVPR 2009). From a keyframe's sum is subtracted what its number of words gets by chance, and the
+/// rest is divided by the root of that number, as its spread by chance grows: a keyframe that shows much has
+/// no advantage. `cells`: of probed_cells(). `maps`: those of the index whose keyframes are voted for; how
+/// rare a word is is counted over all maps. Returns at most `count`. Sums are of integers and ties go by ids.
 [[nodiscard]] std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
                                       const PlaceView& view, std::span<const CellList> cells, size_t count,
                                       const VoteOptions& options);

@@ -55,10 +55,11 @@ class BackupWriter {
   BackupContent content_;
 };
 
+/// Is told how much of a backup has been read [byte].
+using BackupProgress = std::function<void(uint64_t bytes, uint64_t of)>;
 /// Reads all of a backup. `folder`: where its files are written, durably, if anywhere; it must be empty.
 /// Errors: kDamaged (no backup, cut off, altered; the part is named, and what has been written is not to be
 /// used), kIo.
-using BackupProgress = std::function<void(uint64_t bytes, uint64_t of)>;
 [[nodiscard]] Result<BackupContent> read_backup(const std::filesystem::path& path,
                                                 const std::optional<std::filesystem::path>& folder,
                                                 const BackupProgress& progress);

@@ -26,8 +26,8 @@ void sync_folder(const std::filesystem::path& folder);
 
 [[nodiscard]] bool is_there(const std::filesystem::path& path);
 
-/// A database file with its companions to another place. An end in between leaves a log without its file
-/// (Store::part_with_lone_log()). Errors, after which all of it is where it was: kRefused (the place is
+/// Moves a database file with its companions to another place. An end in between leaves a log without its
+/// file (Store::part_with_lone_log()). Errors, after which all of it is where it was: kRefused (the place is
 /// taken), kIo.
 [[nodiscard]] Status move_database(const std::filesystem::path& from, const std::filesystem::path& to);
 

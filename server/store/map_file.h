@@ -121,10 +121,10 @@ struct ImageRow {
 enum class LoadedImages : uint8_t {
   kAll,
   kNone,
-  kDecodedOnly,  ///< each is decoded, and one of its size stands for it: for who only wants to know
+  kDecodedOnly,  ///< each is decoded, and one of its size stands for it: to check, not to use
 };
 
-/// Is shown all of a map as it would become. If it returns an error, the map does not become so.
+/// A function that is shown all of a map as it would become. If it returns an error, the map stays as it is.
 using AcceptState = std::function<Status(StoredMap state)>;
 
 /// Origin of a file: one of our own making, or one that somebody has brought, of which nothing is believed.
@@ -178,7 +178,7 @@ class MapFile {
   /// Brings everything back as it was when the tag was made, but for the map's name and epochs, the decisions
   /// and the tags, of which there is one more, `before`, for the present state. Ids that were given since
   /// have another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
-  /// Errors: kNotFound, kDamaged, those of `accept`.
+  /// Errors: kNotFound, kRefused (as of tag()), kDamaged, those of `accept`.
   [[nodiscard]] Status roll_back(const std::string& name, MapTag before, Epoch epoch,
                                  const AcceptState& accept = {});
   /// Reads beside one that writes the file: all that is read while the result lives is as of now, header()
@@ -232,7 +232,7 @@ class MapFile {
   /// Keeps a row as it is for the newest tag, before it changes.
   [[nodiscard]] Status keep_as_tagged(std::string_view table, int64_t id);
   [[nodiscard]] Status put_back(uint64_t tag);
-  /// The part of a roll-back that is in the open transaction: all of it.
+  /// Rolls back within a transaction that the caller has begun.
   [[nodiscard]] Status replace_by(const MapTag& tag, MapTag before, Epoch epoch, const AcceptState& accept);
   /// The epoch that begins with the state of a tag.
   [[nodiscard]] Result<EpochRecord> epoch_after(const MapTag& tag, Epoch epoch);

@@ -222,8 +222,8 @@ Status MapFile::replace_by(const MapTag& tag, MapTag before, Epoch epoch, const 
   return done;
 }
 
-/// Ids in common with the tag end at the fewest items of any epoch begun since: what was given an id since is
-/// not what the tag has under it, be there as many or more in the tag.
+/// Ids in common with the tag end at the fewest items of any epoch begun since: what was given a higher id
+/// since is not what the tag has under that id.
 Result<EpochRecord> MapFile::epoch_after(const MapTag& tag, Epoch epoch) {
   std::vector<EpochRecord> all;
   std::vector<std::string> damage;

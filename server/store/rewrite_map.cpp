@@ -48,8 +48,8 @@ void renumber(const StoredMap& stored, const MapState& before, const MapState& s
   proposal->summary.epoch = stored.header.epoch;
 }
 
-/// One that is damaged is lost, and named in `stored`; one that cannot be read for now is not: any other
-/// error.
+/// Reads the proposals that stay, and adapts them by `make_fit`. One that is damaged is left out and named in
+/// `stored`. Any other error is returned, since that proposal is not lost.
 Result<std::vector<KeptProposal>> proposals_that_stay(MapFile* file, StoredMap* stored,
                                                       const std::string& dropped_client,
                                                       const std::function<void(ProposalRecord*)>& make_fit) {

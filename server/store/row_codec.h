@@ -25,7 +25,8 @@ void put_pose(const SE3& pose, ByteWriter* out);
 [[nodiscard]] Blob encode_camera(const CameraParameters& camera);
 [[nodiscard]] std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row);
 
-/// Such that differences of two never overflow: within 146 years of the epoch, as on the wire.
+/// Whether a time is within 146 years of the epoch, as on the wire, so that differences of two never
+/// overflow.
 [[nodiscard]] bool is_time(Timestamp time);
 
 /// Cameras by their row in the file. Exact ones have rows from 1 on; one that is self-calibrated, whose

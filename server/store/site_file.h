@@ -17,7 +17,7 @@
 
 namespace cairn {
 
-/// Somebody did something, or tried to.
+/// An act of somebody, done or refused.
 struct AuditEntry {
   int64_t number = 0;   ///< from 1, ascending; given by append()
   Timestamp time;       ///< of the wall clock

@@ -525,7 +525,8 @@ Status Store::show(const fs::path& path, const AcceptState& accept) {
   return accept ? accept(file->load()) : Status();
 }
 
-/// If the server ends between the two steps, the next start puts the new file in its place.
+/// If the server ends when the old file has been removed, the next start puts the new one in its place; if it
+/// ends before, the map stays as it was.
 Status Store::finish_rewrite(MapId map) const {
   if (Status removed = remove_database(path_of(map)); !removed) {
     discard_database(saved_path_of(map));

@@ -143,16 +143,16 @@ class Store {
   /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
   [[nodiscard]] Status probe() const;
 
-  /// Takes a map that cannot be used, or a copy of it, out of the way, with its name, as far as it is known,
-  /// and the reasons beside it; the error or the path under which it is kept.
+  /// Moves the file of a map that cannot be used to the folder `damaged`, with the name of the map, as far as
+  /// it is known, and the reasons beside it. Returns the path under which it is kept.
   [[nodiscard]] Result<std::filesystem::path> set_aside(MapId map, const std::string& name,
                                                         const std::vector<std::string>& reasons);
   /// Sets a damaged map aside and puts what could be saved of it in its place, whole or not at all.
   [[nodiscard]] Result<std::filesystem::path> replace(const MapHeader& header, const MapUpdate& saved,
                                                       const std::vector<std::string>& reasons);
 
-  /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
-  /// not while it is removed. `path` must not exist. What was proposed to the map stays here.
+  /// Makes a consistent copy in one file, over a connection of its own: beside the thread that writes the
+  /// map, but not while it is removed. `path` must not exist. What was proposed to the map stays here.
   [[nodiscard]] Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Reads the contributions to a map as MapFile::contributions() does.
   [[nodiscard]] Result<std::vector<Contribution>> contributions(MapId map);
@@ -164,13 +164,14 @@ class Store {
   [[nodiscard]] Status prepare_rewrite(const MapHeader& header, const MapUpdate& whole, MapFile* images,
                                        const KeyframeIds& now, const AcceptState& accept);
   [[nodiscard]] Status finish_rewrite(MapId map) const;
-  /// Makes a map of its own that is like another, without its tags and decisions, under an id that is free.
-  /// Uses a connection of its own, as export_map() does.
+  /// Makes a map of its own that is like another, without its tags, decisions and proposals, under an id that
+  /// is free. Uses a connection of its own, as export_map() does.
   [[nodiscard]] Status copy_map(MapId map, MapId copy, const std::string& name) const;
-  /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. Its images are
-  /// decoded one after another. kRefused when the id is in use (it says by which file) or the images take
-  /// more than `most_image_bytes` as decoded, kDamaged when anything in it is damaged; what it says of the
-  /// archive names no path of ours. Beside the thread that writes maps.
+  /// Takes in the copy of an archive, without its tags, decisions and proposals, after a look at every row of
+  /// it. Returns the id that it brings. Its images are decoded one after another. kRefused when the id is in
+  /// use (it says by which file) or the images take more than `most_image_bytes` as decoded, kDamaged when
+  /// anything in it is damaged; what it says of the archive names no path of ours. Beside the thread that
+  /// writes maps.
   [[nodiscard]] Result<MapId> import_map(
       const std::filesystem::path& archive,
       uint64_t most_image_bytes = std::numeric_limits<uint64_t>::max()) const;
@@ -190,8 +191,8 @@ class Store {
   [[nodiscard]] Status part_with_lone_log(const std::filesystem::path& log) const;
   /// The file of a log that lies alone, wherever the file has been moved to; nothing if it is not known.
   [[nodiscard]] std::optional<std::filesystem::path> moved_file_of(const std::filesystem::path& log) const;
-  /// Moves a file with its companions to where a map's file belongs, where no other log may join it. Errors:
-  /// kRefused (there is a file), kIo.
+  /// Moves a file with its companions to where a map's file belongs. A log that lies alone there is moved
+  /// away first, since SQLite would take it for that of this file. Errors: kRefused (there is a file), kIo.
   [[nodiscard]] Status put_in_place(const std::filesystem::path& from, const std::filesystem::path& to) const;
   [[nodiscard]] Status finish_replacements();
   [[nodiscard]] Status open_catalogue();

@@ -24,12 +24,11 @@ struct FileCheck {
   std::string remedy;                            ///< where there are any
 };
 
-/// The texts of the rights are of another folder's making: error kDamaged.
+/// Checks a text of rights, which is not of this folder's making. Error kDamaged: it is none.
 using CheckRights = std::function<Status(const std::string& text)>;
 
-/// The file `part` of the store in `folder`: every row is read and decoded, every image too, and what they
-/// say of each other agrees, as of one moment. Beside a server that runs, too; `in_use`: by a thread of its
-/// own.
+/// Checks the file `part` of the store in `folder`: reads and decodes every row and every image, and whether
+/// they agree with each other, as of one moment. May run beside a server; `in_use`: the server has the file.
 [[nodiscard]] FileCheck check_part(const std::filesystem::path& folder, const std::string& part,
                                    const CheckRights& rights, FileInUse in_use = FileInUse::kNo);
 
