@@ -40,7 +40,7 @@ struct LocalPoint {
   SourcePatch pixels{};
 };
 
-/// The place where a point was found in a frame that is proposed.
+/// A measurement of a point in a frame that is proposed.
 struct LocalMeasurement {
   PointId id;           ///< of the map, the tracker's own included; none: `number`
   uint64_t number = 0;  ///< the LocalPoint that it is, or may become

@@ -73,8 +73,8 @@ class PointSearch {
   /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves
   /// the view.
   [[nodiscard]] bool reproject(const SE3& camera_from_map, VisiblePoint* point) const;
-  /// Looks for the point where it is expected: by alignment if that reaches as far, and where it fails or
-  /// does not, at the corners around; with sub-pixel refinement.
+  /// Looks for the point where it is expected, to sub-pixel: by alignment if that reaches as far, and where
+  /// it does not or fails, at the corners around; of these only what SearchReach::by asks for.
   void search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point);
 
  private:
