@@ -194,8 +194,9 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
   return {};
 }
 
-/// Waits until what a recording needs before its first frame is there. A live camera does not wait; a
-/// recording would be over.
+/// Waits, no longer than `patience`, for what a recording needs before its first frame. Returns whether that
+/// is there; false, too, when a stop is requested. A live camera does not wait; a recording would be over
+/// meanwhile.
 bool await(const std::function<bool(milliseconds)>& is_there, milliseconds patience,
            const std::function<bool()>& stop_requested) {
   for (auto waited = milliseconds(0); waited < patience && !stop_requested(); waited += kPatienceSlice) {
@@ -229,7 +230,8 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
-/// The link to the rig; null without a rig. Error kUsage: a recording cannot be carried by one.
+/// The link to the rig; null without a rig. Errors: kUsage (a recording cannot be carried by one), those of
+/// RigLink::open().
 Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const FrameSource& source,
                                           const Logger& log) {
   if (options.rig.empty()) return std::unique_ptr<RigLink>();
@@ -261,8 +263,8 @@ void press(RigCommander& commander, RigKey key) {
   }
 }
 
-/// The link to the wearer's other cameras; null for a camera that is nobody's. A camera without it is tracked
-/// all the same.
+/// The link to the wearer's other cameras; null for a camera that is nobody's, and where it cannot be opened,
+/// which is told: the camera is tracked all the same.
 std::unique_ptr<ImageLink> open_images(const TrackOptions& options, const CameraPtr& camera,
                                        const Logger& log) {
   if (options.wearer.empty()) return nullptr;

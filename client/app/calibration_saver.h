@@ -22,8 +22,9 @@ class CalibrationSaver final : public FrameObserver {
   CalibrationSaver(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
 
   void on_camera(const CameraUpdate& update) override;
-  /// Waits after a run until the camera is written, and asks `stop_requested` meanwhile. Errors: kDegenerate,
-  /// the camera is not known; kIo, it is, but could not be written. Call once.
+  /// Waits after a run until the camera is written. `stop_requested` is asked meanwhile so that the first
+  /// signal is heard; it does not end the wait. Errors: kDegenerate, the camera is not known; kIo, it is, but
+  /// could not be written. Call once.
   [[nodiscard]] Status finish(const std::function<bool()>& stop_requested);
 
  private:

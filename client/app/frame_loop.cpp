@@ -22,7 +22,7 @@ FrameState frame_state(const FrameResult& result) {
   return result.state == TrackingState::kStarting ? FrameState::kStarting : FrameState::kLost;
 }
 
-/// The best place that is worth trying.
+/// The best place that is worth verifying.
 std::optional<PlaceCandidate> best_place(const RelocalizationAnswer& answer) {
   if (!has_place(answer.verdict)) return std::nullopt;
   for (const PlaceCandidate& c : answer.candidates) {
@@ -191,9 +191,9 @@ bool FrameLoop::try_place(const RelocalizationAnswer& answer) {
   return true;
 }
 
-/// Ends a verification. The tracker stays in the map in which its pose is measured, whatever was answered
-/// meanwhile. A hypothesis that does not hold gives way to the map in which the camera was tracked last: a
-/// lost tracker looks there by itself.
+/// Ends a verification when the frame has decided it. The tracker stays in the map in which its pose is
+/// measured, whatever was answered meanwhile. A hypothesis that does not hold gives way to the map in which
+/// the camera was tracked last: a lost tracker looks there by itself.
 void FrameLoop::settle_verification(const FrameResult& result) {
   if (result.pose_measured) verified_ = {result.map, result.epoch, result.revision};
   if (!map_to_verify_) return;

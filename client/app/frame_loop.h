@@ -41,8 +41,9 @@ class FrameLoop {
   FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock,
             FrameLoopOptions options, std::vector<FrameObserver*> observers);
 
-  /// Runs until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the
-  /// first frame is not of the camera's size, kDamaged when no frame could be decoded.
+  /// Runs until a recording ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the
+  /// first frame is not of the camera's size, kDamaged when no frame of a recording could be read, kIo when a
+  /// live source gives no images any more.
   [[nodiscard]] Result<bool> run(const std::function<bool()>& stop_requested);
 
   /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those
@@ -57,7 +58,8 @@ class FrameLoop {
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
   void deliver_place(const RelocalizationAnswer& answer);
-  /// Gives the answer's best place to the tracker. Whether the tracker will verify it.
+  /// Gives the answer to the tracker: its best place, that there is none, or that it says neither. Returns
+  /// whether the tracker will verify the place, whose map is then in use.
   [[nodiscard]] bool try_place(const RelocalizationAnswer& answer);
   void add_samples(Timestamp time);
   void settle_verification(const FrameResult& result);

@@ -61,7 +61,7 @@ struct PlaceReport {
   size_t number = 0;  ///< of the next frame
   Timestamp asked;    ///< of the frame of the latest query, to which this is the answer
   const RelocalizationAnswer& answer;
-  bool tried = false;  ///< its place will be, in the next frame that comes with the map
+  bool tried = false;  ///< its place is to be verified, from the next frame that comes with the map
 };
 
 /// Hears what happens in the frame loop, in order, on its thread: must return at once.

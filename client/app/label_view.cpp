@@ -40,7 +40,7 @@ bool may_be_of_one_surface(const PointInView& a, const PointInView& b) {
   return distances[0] < kOneSurface * distances[1] && distances[1] < kOneSurface * distances[0];
 }
 
-/// The points without strays, to which no two others are at about the same distance: a map has some wrong
+/// The points without strays, which have fewer than two others at about their distance: a map has some wrong
 /// points, which would draw a label far behind what is pointed at. Few points are left as they are.
 std::vector<PointInView> without_strays(std::vector<PointInView> near) {
   if (near.size() < kLeastNeighbours) return near;
@@ -83,8 +83,8 @@ std::vector<PointInView> surface_around(std::span<const PointInView> near, const
   }
 }
 
-/// The place where a ray meets the plane that fits the points best (total least squares). Nothing for points
-/// on a line, a plane seen edge-on, or a place far from the points.
+/// The point at which a ray meets the plane that fits the points best (total least squares). Nothing for
+/// points on a line, a plane seen edge-on, or a place far from the points.
 std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray,
                                           const std::vector<PointInView>& points) {
   if (points.size() < kLeastNeighbours) return std::nullopt;

@@ -18,7 +18,7 @@
 
 namespace {
 
-/// Prints help or a complaint, and gives the exit code. Call it before a StopSignal holds signals back, so
+/// Prints help or a complaint, and returns the exit code. Call it before a StopSignal holds signals back, so
 /// that somebody who reads our help and hangs can interrupt it.
 int leave(const cairn::ParseExit& exit) {
   std::fputs(cairn::many_lines(exit.text).c_str(), exit.code == 0 ? stdout : stderr);

@@ -56,7 +56,7 @@ void Narrator::on_frame(const FrameReport& report) {
   show_progress(report);
 }
 
-/// Tells what the rig does when that changes. Numbers do not count, for how far a search is would be a line
+/// Tells what the rig does when that changes. Numbers do not count: the progress of a search would be a line
 /// for each frame.
 void Narrator::tell_rig(const FrameReport& report) {
   const std::string rig = without_numbers(report.rig);
@@ -228,8 +228,8 @@ void Narrator::tell_imu(const FrameReport& report) {
   imu_ = imu;
 }
 
-/// Warns once when there have been no samples of the IMU for long, by the frames' stamps, which may jump
-/// back.
+/// Warns, once for each gap, when there have been no samples of the IMU for 2 s by the frames' stamps, which
+/// may jump back.
 void Narrator::tell_imu_gap(Timestamp time) {
   if (!imu_missing_since_ || time < *imu_missing_since_) imu_missing_since_ = time;
   if (imu_gap_told_ || time - *imu_missing_since_ < kImuPatience) return;

@@ -46,7 +46,7 @@ struct OverlayFrame {
 
 [[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
 
-/// The parts of an OverlayFrame that are drawn.
+/// The choices of a person who looks at an overlay: what is drawn, and what is marked.
 struct OverlayStyle {
   bool points = true;
   LabelId selected;  ///< a label to be marked; none: 0

@@ -37,7 +37,8 @@ class RunOutputs {
 
   /// The outputs that listen to the frame loop.
   [[nodiscard]] std::vector<FrameObserver*> observers() const;
-  /// Completes the files; the first error, after all have been tried. Call once.
+  /// Completes all files, whatever one of them meets; returns the first error, and logs the others. Call
+  /// once.
   [[nodiscard]] Status close(const RunStats& stats, uint64_t bytes_sent, uint64_t bytes_received);
 
  private:

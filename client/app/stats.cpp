@@ -32,7 +32,7 @@ Json percentiles(const Histogram& times) {
           {"p99", rounded_ms(times.percentile(0.99))}};
 }
 
-/// Percentiles with the count of the times, of which there may be none.
+/// The percentiles of times, and how many times there are: maybe none.
 Json counted_percentiles(const Histogram& times) {
   Json json = percentiles(times);
   json["count"] = times.count();

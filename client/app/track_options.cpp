@@ -359,8 +359,8 @@ class CommandLine {
     return names;
   }
 
-  /// The arguments that a file gives for options that the command line did not give. kConfiguration for a
-  /// flag that is neither on nor off.
+  /// The arguments that a file gives for options that the command line did not give. kConfiguration for an
+  /// option without a value, and for a flag that is neither true nor false.
   [[nodiscard]] Result<std::vector<std::string>> lacking(const ConfigurationWords& file) const {
     std::vector<std::string> arguments;
     for (const auto& [name, value] : file) {

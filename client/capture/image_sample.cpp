@@ -60,7 +60,8 @@ double roughness(const DeepImage& image, Value value) {
 /// Headers of the images in a sample, and the values of those with more than 8 bits.
 class Sampler {
  public:
-  /// Looks at an image. Whether it can be read.
+  /// Takes an image into the sample. Returns whether it counts: its header can be read, and it is not too
+  /// large.
   bool look(const std::filesystem::path& path) {
     const auto content = read_file(path);
     if (!content) return false;

@@ -24,8 +24,8 @@ Result<std::map<std::string, std::string>> parse_options(std::string_view text) 
   return options;
 }
 
-/// Place of the '?' that begins the options; the size of the text where there is none. Where no word and '='
-/// follow any '?', it is the last one, for what is behind it is to be told of.
+/// Place of the '?' that begins the options; the size of the text where there is none. Where no '?' has a
+/// word and '=' behind it, it is the last one, so that an error names what is behind that.
 size_t begin_of_options(std::string_view text) {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz_";
   for (size_t at = text.find('?'); at != std::string_view::npos; at = text.find('?', at + 1)) {

@@ -66,7 +66,7 @@ struct Steps {
   std::vector<size_t> back;  ///< places of stamps that lie before the one before them
 };
 
-/// Says what may have made stamps equal. It is seen in the least amount by which those that differ do.
+/// Says what may have made stamps equal. It shows in the greatest common divisor of the steps forward.
 std::string why_equal(const Steps& steps, Timestamp first, const Unit& unit) {
   const int64_t common = std::accumulate(steps.forward.begin(), steps.forward.end(), int64_t{0},
                                          [](int64_t a, int64_t b) { return std::gcd(a, b); });

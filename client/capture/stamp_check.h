@@ -24,7 +24,7 @@ struct StampReport {
   std::optional<std::string> impossible;
   /// What to do about it where the stamps are from a list: the sentence's end.
   std::string remedy;
-  /// Sentences about the list, which a person should know and recordings do have.
+  /// Sentences about what recordings do have and a person should know.
   std::vector<std::string> remarks;
 };
 

@@ -34,8 +34,8 @@ bool streams_to_another(int device, uint32_t abilities) {
          errno == EBUSY;
 }
 
-/// Checks a camera's device before OpenCV does, which knows only that it cannot open it: tells apart what the
-/// system says of it.
+/// Checks a camera before OpenCV opens it, and tells why it cannot be used: OpenCV knows only that it cannot
+/// open it.
 Status check_device(const std::string& path) {
   const auto no_camera = [&](const std::string& why) {
     return fail(ErrorCode::kIo, path + ": " + why + "; `ls /dev/video* /dev/v4l/by-id` shows the cameras");

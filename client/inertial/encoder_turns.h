@@ -29,10 +29,10 @@ class EncoderTurns {
  public:
   explicit EncoderTurns(const EncoderTurnOptions& options) : options_(options) {}
 
-  /// Adds samples in order of time. When time goes back, all samples before are forgotten.
+  /// Adds samples in order of time. When time does not go on, all samples before are forgotten.
   void add(std::span<const EncoderSample> samples);
-  /// The camera at `to` from before. Nothing where samples are missing: before the first, in a gap of more
-  /// than 50 ms, or when the newest is older than `to` by more than 20 ms.
+  /// The turn of the camera between two moments (`to` from `from`). Nothing where samples are missing: before
+  /// the first, in a gap of more than 50 ms, or when the newest is older than one of them by more than 20 ms.
   [[nodiscard]] std::optional<Eigen::Quaterniond> turn(Timestamp from, Timestamp to) const;
 
  private:

@@ -21,8 +21,8 @@ class ImuStream {
   /// Appends the samples that were not taken yet, as far as a frame of `time` (the camera's clock) needs
   /// them: up to the first one at or after it. Never waits.
   virtual void take(Timestamp time, std::vector<ImuSample>* samples) = 0;
-  /// Appends all samples of the encoders that have come and were not taken yet, of a rig that carries the
-  /// camera.
+  /// Appends the samples of the encoders of a rig that carries the camera: all that have come and were not
+  /// taken yet. None without such a rig.
   virtual void take_encoders(std::vector<EncoderSample>* /*samples*/) {}
 };
 
@@ -63,7 +63,7 @@ class ImuQueue final : public ImuStream {
   }
   void put(const ImuSample& sample) { append(sample, &samples_); }
   void put(const EncoderSample& sample) { append(sample, &encoders_); }
-  /// Appends all samples that have come, whatever the time.
+  /// Appends all samples that have come and were not taken yet, whatever the time.
   void take(Timestamp /*time*/, std::vector<ImuSample>* samples) override { move_all(&samples_, samples); }
   void take_encoders(std::vector<EncoderSample>* samples) override { move_all(&encoders_, samples); }
 

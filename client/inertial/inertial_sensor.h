@@ -22,7 +22,7 @@ struct CameraTurn {
 struct InertialSensorOptions {
   double most_gap = 0.05;    ///< [s] between two samples
   double most_ahead = 0.02;  ///< [s] that the newest rate is believed beyond its sample
-  double kept = 2;           ///< [s]
+  double kept = 2;           ///< [s] for which samples are kept
   double jump = 1;           ///< [s] back, which no reordering explains
   double noise = 2e-4;       ///< [rad per square root of a second] small devices
   /// A hand's greatest change of its rate [rad/s^2]: what a rate that is held on to may be off by.

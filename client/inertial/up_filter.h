@@ -17,7 +17,7 @@ struct UpFilterOptions {
 };
 
 /// Estimates the direction up: the gyro carries it, and it is drawn to what the accelerometer says (a
-/// complementary filter), the slower the more that is shaken. Pure.
+/// complementary filter), the slower the more the camera is shaken. Pure.
 class UpFilter {
  public:
   explicit UpFilter(const UpFilterOptions& options) : options_(options) {}

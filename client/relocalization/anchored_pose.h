@@ -16,8 +16,8 @@ struct AnchoredPose {
   SE3 camera_from_reference;
 };
 
-/// The pose camera_from_map that an anchored pose has by a revision of the map. Nothing in another map, or
-/// when the keyframe has gone.
+/// An anchored pose as camera_from_map in a revision of the map. Nothing in another map, or when the keyframe
+/// has gone.
 [[nodiscard]] inline std::optional<SE3> pose_in(const MapSnapshot& map, const AnchoredPose& pose) {
   const KeyframePose* keyframe = pose.map == map.map ? map.find(pose.reference) : nullptr;
   if (keyframe == nullptr) return std::nullopt;

@@ -276,8 +276,8 @@ bool Recovery::wants(const PoseHypothesis& place, std::optional<MapId> map, bool
   return is_asking(may_enter) && (failed_at_cut || place.map == map);
 }
 
-/// Whether the server knows the camera in another map than the one in which the tracker verifies its own
-/// guess.
+/// Whether the server has confirmed the camera in another map than the one in which the tracker verifies its
+/// own guess.
 bool Recovery::is_contradicted_by(const PoseHypothesis& place, std::optional<MapId> map) const {
   const Verifying* verification = as<Verifying>();
   return verification != nullptr && verification->answer_needed_from &&

@@ -79,8 +79,8 @@ struct RecoveryOptions {
   float least_quality = 0.13F;       ///< share found of a pose that shows anything
   int fewest_points = 25;            ///< that must be found of a pose that was looked for,
   float verified_quality = 0.4F;     ///< and their share, where nothing else speaks for it
-  /// Share of the points that must be found for a place that geometry or motion speaks for: it may be poorly
-  /// mapped.
+  /// Share of the points that must be found at a place that the server names or where the motion leads: it
+  /// may be poorly mapped.
   float hypothesis_quality = 0.25F;
   int verification_frames = 3;  ///< [frames] in a row
   double same_place = 0.03;     ///< [depths] a pose may be off and be right
@@ -139,7 +139,8 @@ class Recovery {
   /// The map of one's own seed, begun at this pose; `is_tracked`: it is that of the present frame, of
   /// `time`.
   void begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp time);
-  /// A search from `start` has found what it had to find in the frame of `time`: its verification begins.
+  /// The camera was found at the pose `start`, which believe() gave, in the frame of `time`: its verification
+  /// begins.
   void begin_verifying(const PoseStart& start, Timestamp time);
   /// The frame shows the map from `pose`, with this share found. True when the pose is to be published: at
   /// once while tracking; of one that is verified, when enough frames have confirmed it and the server does
@@ -159,15 +160,15 @@ class Recovery {
   // Where the camera may be.
 
   /// A frame begins: the poses for it are named from the first on. Those of a lost camera are all that is
-  /// known; while it was tracked until now, one frame that fails is tried where others say only. `near_depth`
-  /// [map unit] of what is nearest of what was seen last.
+  /// known; while the camera was tracked until now, a frame that fails is searched only from where others
+  /// say. `near_depth` [map unit] of what is nearest of what was seen last.
   void begin_frame(const MapSnapshot& map, double near_depth, Timestamp time);
   /// Whether the camera can have got to this pose since it was tracked, as far as is known.
   [[nodiscard]] bool is_reachable(const SE3& camera_from_map) const {
     return !region_ || region_->contains(camera_from_map);
   }
-  /// The pose of a camera that went on as it did, turned as `camera_from_map` is; `camera_from_map` itself
-  /// where it is not known how it went on.
+  /// The pose of a camera that went on as it did before, with the rotation of `camera_from_map`;
+  /// `camera_from_map` itself where nothing tells how it went on.
   [[nodiscard]] SE3 within_reach(const SE3& camera_from_map) const;
   /// The next pose to search `frame` from, in order of what speaks for it, and where the camera can have got
   /// to before where it cannot: where it is if it went on as it did, turned as the `last` pose is; what
@@ -193,7 +194,7 @@ class Recovery {
   /// The frame described, with which way is up in it where that is known, if a query is due; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time, bool may_enter,
                                                      const std::optional<UpDirection>& up = {});
-  /// Takes the answer to the query. `map` in use, if there is one.
+  /// Takes the answer to the query, and says what becomes of it. `map`: the one in use, if there is one.
   PlaceUse answered(const std::optional<PoseHypothesis>& hypothesis, std::optional<MapId> map,
                     bool may_enter);
   void left_open() { query_.left_open(); }

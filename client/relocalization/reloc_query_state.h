@@ -16,7 +16,7 @@
 namespace cairn {
 
 struct RelocQueryOptions {
-  double interval = 1.0 / 15 - 1e-3;  ///< [s] between an answer and the next query, at least
+  double interval = 1.0 / 15 - 1e-3;  ///< [s] between two queries, at least, where the first was answered
   double patience = 0.5;              ///< [s] for an answer; then another query is made
   double fresh = 1.0;                 ///< [s] for which an answer says what is
   uint64_t much_to_see = 100;         ///< corners, of the 880 that are described at most
@@ -34,8 +34,8 @@ class RelocQueryState {
   /// The frame described, if a query may be made now; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
                                                      const std::optional<UpDirection>& up = {});
-  /// Takes the answer: a hypothesis, or that no place is known. Whether there is one to verify: a place that
-  /// was rejected again and again counts as none.
+  /// Takes the answer: a hypothesis, or that no place is known. Returns whether there is a hypothesis to
+  /// verify: one that was rejected again and again counts as none.
   bool answered(const std::optional<PoseHypothesis>& hypothesis);
   /// The answer says neither. What was known before holds; the next query may be made.
   void left_open() {
@@ -66,8 +66,9 @@ class RelocQueryState {
   [[nodiscard]] bool took_confirmed() const { return taken_ && taken_->confirmed; }
   /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
   [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
-  /// Whether the camera is elsewhere: an image with much to see, asked about since the last verified(), was
-  /// of no place known. An answer about a hand before the lens, or about blur, does not say so.
+  /// Whether the camera is elsewhere: no place was known of an image with much to see, asked about since the
+  /// last verified(), or contradict() says so. An answer about a hand before the lens, or about blur, does
+  /// not.
   [[nodiscard]] bool is_elsewhere() const { return is_elsewhere_; }
   /// Whether a query made at `begin` or later has been answered.
   [[nodiscard]] bool is_answered_since(Timestamp begin) const { return answered_ && *answered_ >= begin; }

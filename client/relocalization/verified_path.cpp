@@ -25,8 +25,8 @@ std::optional<size_t> before(Places path, size_t i, double lag) {
   return std::nullopt;
 }
 
-/// Variance that white acceleration of unit density gives to the place of a camera after `seconds`, predicted
-/// by its mean velocity over `lag` [s].
+/// The variance, per axis, of a place predicted `seconds` [s] ahead by the mean velocity over the last `lag`
+/// [s], if the acceleration is white noise of density 1.
 double variance_of(double seconds, double lag) {
   return seconds * seconds * (seconds + lag) / 3;
 }
@@ -44,8 +44,8 @@ std::optional<double> density_at(Places path, size_t i, double lag) {
   return missed.squaredNorm() / variance_of(seconds, span);
 }
 
-/// Density of the acceleration along the path. What the camera did just now counts as much as all before: one
-/// that begins to hurry goes on so.
+/// Density of the acceleration: the mean along the path, or the newest if that is more, for a camera that
+/// begins to hurry goes on so.
 std::optional<double> density_of(Places path, double lag) {
   const auto newest = density_at(path, 0, lag);
   if (!newest) return std::nullopt;

@@ -41,7 +41,7 @@ class VerifiedPath {
  public:
   explicit VerifiedPath(const VerifiedPathOptions& options) : options_(options) {}
 
-  /// Adds the pose verified next.
+  /// Adds the pose verified next. Of poses that follow one another faster than `spacing` the newest is kept.
   void add(const AnchoredPose& pose, Timestamp time);
   /// The camera was found again or starts anew: of how it moves, the poses so far say nothing.
   void clear() { count_ = 0; }
@@ -49,7 +49,7 @@ class VerifiedPath {
   /// The region in which the camera can be at `time`; nothing where the map is another or the path says too
   /// little.
   [[nodiscard]] std::optional<ReachableRegion> reachable(const MapSnapshot& map, Timestamp time) const;
-  /// The pose verified last.
+  /// The pose verified last (camera_from_map); nothing where there is none, or none in this map.
   [[nodiscard]] std::optional<SE3> last(const MapSnapshot& map) const;
   /// Whether the pose verified last is of a frame of this time.
   [[nodiscard]] bool ends_at(Timestamp time) const { return count_ > 0 && entry(0).time == time; }

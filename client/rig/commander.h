@@ -60,7 +60,8 @@ class RigCommander {
   /// The place told of the frame of that time is going to be verified.
   void try_place(Timestamp asked);
 
-  /// The order that is to be said now, 20 times a second or more. Nothing while there is nobody to hear it.
+  /// The order that is to be said now, 20 times a second or more. Nothing while the rig is not heard, unless
+  /// it is a stop or, after close(), that the drives may go: it may hear these all the same.
   [[nodiscard]] std::optional<wire::RigCommand> command(MonotonicTime now);
   /// Whether a stop was asked for that was neither said nor obeyed yet.
   [[nodiscard]] bool is_urgent() const {
@@ -68,7 +69,7 @@ class RigCommander {
   }
   /// Says to a person what the rig does, or what keeps it from that.
   [[nodiscard]] std::string describe(MonotonicTime now) const;
-  /// Whether nothing is left to be said after close().
+  /// Whether close() was called and nothing is left to be said.
   [[nodiscard]] bool is_over() const;
   [[nodiscard]] RigAim aim() const { return aim_; }
   [[nodiscard]] int wants() const { return wants_; }  ///< how often somebody wanted something

@@ -32,11 +32,12 @@ class CameraNegotiation {
   [[nodiscard]] bool has_values_of(const MapSnapshot& map) const;
   /// Whether the latest values that this map has told of our camera are none that a camera can have.
   [[nodiscard]] bool is_unsound(MapId map) const { return unsound_.contains(map); }
-  /// Whether a map made from our seed calibrates our camera itself. False: it takes what is merely believed
-  /// of our camera for exact, as servers from before self-calibration do.
+  /// Whether a map made from our seed calibrates our camera itself, or has no need to, since the camera is
+  /// known. False: it takes what is merely believed of our camera for exact, as servers from before
+  /// self-calibration do.
   [[nodiscard]] bool is_self_calibrated_by(const MapSnapshot& own) const;
 
-  /// The values that go with this revision, in use from now on; nothing where they are those in use.
+  /// Takes the values that go with this revision into use. Nothing where they are in use, or not there yet.
   [[nodiscard]] std::optional<CameraUpdate> use_values_of(const MapSnapshot& map);
   /// Takes the values of the beginning into use. Nothing where they are in use, or where the camera is known.
   /// What a map merely believes is not handed on to the next, whose prior would wander from map to map.

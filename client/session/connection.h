@@ -23,8 +23,8 @@ namespace cairn {
 /// session has and knows stays in SessionCore and ReceiverMemory. Thread-safe.
 class Connection {
  public:
-  /// Finds where a participant with these options would stand: wire::find_path(), or what stands in for it in
-  /// tests.
+  /// Finds the network path that a participant with these options would take: wire::find_path(), or what
+  /// stands in for it in tests.
   using FindPath = std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)>;
   /// wire::Participant::create(), or what stands in for it in tests.
   using Join = std::function<Result<wire::Participant>(const wire::ParticipantOptions&)>;

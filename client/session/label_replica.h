@@ -20,7 +20,7 @@ class LabelReplica {
  public:
   void receive(wire::LabelMessage message);
   void removed(LabelId label);
-  /// Nobody writes it any more.
+  /// Nobody writes this label any more.
   void orphaned(LabelId label, MonotonicTime now);
   /// Nobody writes any of the labels any more: a reader that starts from now on is not told which have gone.
   void orphan_all(MonotonicTime now);

@@ -22,7 +22,7 @@ class LinkMonitor {
 
   /// A ServerStatus came; `start_count` grows with every start of a server.
   Event heard(ServerId server, uint64_t start_count);
-  /// Whether the writer of ServerStatus is alive, as the middleware sees it.
+  /// The writer of ServerStatus is alive, or has gone, as the middleware sees it.
   Event alive(bool is_alive);
 
   /// May come before the first status of the server that lists it.

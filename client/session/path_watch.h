@@ -26,7 +26,7 @@ class PathWatch {
   [[nodiscard]] Advice compare(const Result<wire::NetworkPath>& now);
   /// A participant with this path has been made.
   void joined(const wire::NetworkPath& path) { joined_ = path; }
-  /// None could be made: any path is tried.
+  /// None could be made: any path is worth joining on.
   void left() { joined_.reset(); }
   /// The server is heard again.
   void heard() { said_.clear(); }

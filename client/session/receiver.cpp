@@ -127,7 +127,7 @@ void Receiver::follow_recent_maps() {
   for (const MapId& map : wanted) {
     if (channels_.contains(map)) continue;
     Result<MapChannel> channel = open_channel(map);
-    if (!channel) {  // tried again soon
+    if (!channel) {  // the next turn asks for it again
       if (warning_.due()) log_->error("a map cannot be received: {}", channel.error().message);
       return;
     }

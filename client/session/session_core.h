@@ -105,7 +105,7 @@ class SessionCore {
   [[nodiscard]] ServerLink link() const { return monitor_.link(); }
   /// The status, without what the participant has sent and received.
   [[nodiscard]] SessionStatus status() const;
-  /// The server has said that it serves this process.
+  /// Whether the server has said that it serves this process.
   [[nodiscard]] bool is_name_held() const { return name_held_; }
   /// Why the server does not serve us; empty: it does.
   [[nodiscard]] const std::string& refusal() const { return refusal_; }

@@ -35,15 +35,15 @@ struct SessionOptions {
   /// make. Empty: the values are exact.
   std::vector<double> prior_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
-  /// Looks the way to a silent server up in tests; empty: wire::find_path().
+  /// In tests, finds the way to a silent server; empty: wire::find_path().
   std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)> find_path;
-  /// Joins the domain in tests; empty: wire::Participant::create().
+  /// In tests, joins the domain; empty: wire::Participant::create().
   std::function<Result<wire::Participant>(const wire::ParticipantOptions&)> join;
 };
 
 enum class ServerLink : uint8_t { kConnecting, kConnected, kGone, kRestarted, kRefused };
 
-/// The session's news for a person, for the status line.
+/// The state of a session, with words for the status line.
 struct SessionStatus {
   ServerLink link = ServerLink::kConnecting;
   /// "connected to ...", "server gone: tracking on the replica", "server restarted without this map", or why
@@ -85,7 +85,7 @@ struct OfferReply {
   bool kept_aside = false;   ///< not accepted, but kept for the operator, as the reason says
 };
 
-/// The use that is made of a keyframe which is offered to a map.
+/// What a map makes of a keyframe that is offered to it.
 enum class KeyframeUse : uint8_t {
   kNothing,   ///< none is to be offered
   kProposal,  ///< it is kept aside for an operator

@@ -18,10 +18,12 @@ namespace cairn {
 struct DeadReckoningOptions {
   int rotation_held = 150;  ///< [frames]
   int position_held = 15;   ///< [frames]
-  /// [frames] in a row in which nothing is followed: the small images err by some hundredths of the turn.
+  /// [frames] in a row without a corner followed, for which the small images are believed: they err by some
+  /// hundredths of the turn.
   int blind = 3;
+  /// [rad] Sigma of a turn by the small images; likewise of the position [map unit].
   double blind_sigma = 0.003;  ///< [rad], and over the depth
-  float same_turn = 0.9F;      ///< correlation of small images that say so
+  float same_turn = 0.9F;      ///< least correlation of two small images whose turn is believed
 };
 
 /// Tells where a camera is while its map is out of sight: by the corners that it followed when it knew where
@@ -29,7 +31,7 @@ struct DeadReckoningOptions {
 /// gyro or the small images tell. Errors add up, so how long it is believed is bounded. Pure; one thread.
 class DeadReckoning {
  public:
-  /// `corners` are followed for longer than they are needed here: their owner keeps them.
+  /// `corners` belong to the caller, who follows them in frames that show the map, too. They outlive this.
   DeadReckoning(ProvisionalPoints* corners, const DeadReckoningOptions& options,
                 const PoseJudgementOptions& judgement)
       : corners_(*corners), options_(options), judgement_(judgement) {}
@@ -54,12 +56,13 @@ class DeadReckoning {
                                                    std::span<const VisiblePoint> map_points,
                                                    const Depths& depths, const MapSnapshot& map);
 
-  /// Goes on to `camera_from_map`, which follows from a pose reckoned before or measured by the gyro's turn
-  /// alone. `sigma` of the turn [rad], and over the depth.
+  /// Goes on to `camera_from_map`, which the turn of the gyro alone gives from a pose reckoned before or
+  /// measured. `sigma` of the turn [rad], and of the position [map unit].
   void follow_turn(const FrameImages& now, const SE3& camera_from_map, double sigma, double mean_depth,
                    const MapSnapshot& map);
-  /// Goes on likewise by the small images' turn. `likeness` is how alike they are, the motion undone. False
-  /// when they may not be believed any longer.
+  /// Goes on likewise by the small images' turn. `likeness` is how alike they are, the motion undone. False,
+  /// and nothing is done, where no frame has been reckoned since the map was seen, where they are too unlike,
+  /// and after so many blind frames that they may not be believed any longer.
   [[nodiscard]] bool follow_small_images(const FrameImages& now, const SE3& camera_from_map, float likeness,
                                          double mean_depth, const MapSnapshot& map);
 

@@ -16,7 +16,8 @@ struct Demand {
   bool suffices = false;  ///< who meets it is not bad, whatever the share says
 };
 
-/// The share that a pose must show where the camera can have got to, after a frame that showed `quality`.
+/// The share of points that a pose must show after a frame that showed `quality`, at a place where the camera
+/// can have got to since.
 float kept_quality(float quality, const TrackerOptions& options) {
   return std::clamp(options.evidence.quality_kept * quality, options.lost_quality,
                     options.recovery.verified_quality);
@@ -48,9 +49,9 @@ Demand demand_of(PoseOrigin origin, const RecoveryState& state, const TrackerOpt
   return {options.recovery.fewest_points, options.recovery.verified_quality};
 }
 
-/// Whether the frame can well be poor. A map that leaves the image is tracked on its last points, all of them
-/// to one side, and with these the pose runs away before it is lost. A frame that shows something else than
-/// the one before is none to be half found.
+/// Whether a poor frame may be believed. A frame that shows something else than the one before is none to be
+/// half found. A map that leaves the image is tracked on its last points, all of them to one side, and with
+/// these the pose runs away before it is lost: so a leap needs many points.
 bool is_poor_for_a_reason(const FrameEvidence& evidence, const EvidenceOptions& options) {
   return !evidence.is_cut && !(evidence.is_leap && evidence.found < options.enough_points);
 }

@@ -11,7 +11,8 @@ namespace cairn {
 struct TrackerOptions;
 
 struct EvidenceOptions {
-  /// A place where the camera can have got to since it was tracked needs this share of the quality it had.
+  /// Share of the quality of the latest frame that showed the map, which a pose must show where the camera
+  /// can have got to since.
   float quality_kept = 0.7F;
   /// Share found: points followed from the frame before may agree of a map that has most of its points
   /// elsewhere.
@@ -19,7 +20,7 @@ struct EvidenceOptions {
   int enough_points = 50;  ///< found, with which a pose is sound although most of the map is out of sight
 };
 
-/// The reason to search a frame from a pose.
+/// The source of the pose from which a frame is searched.
 enum class PoseOrigin : uint8_t {
   kMotion,   ///< velocity and the small image
   kFlow,     ///< points of the frame before, followed: these know no look-alikes
@@ -41,7 +42,8 @@ struct FrameEvidence {
                                       const RecoveryState& state, const TrackerOptions& options);
 
 /// Whether the pose is good enough to be built upon. Many points are enough where most of the map is out of
-/// sight, though in a place that looks like this one some are found, too.
+/// sight; but some are found in a place that looks like this one, too, so more than `lost_quality` of those
+/// in sight must be.
 [[nodiscard]] bool is_sound(const FrameEvidence& evidence, PoseVerdict verdict,
                             const TrackerOptions& options);
 

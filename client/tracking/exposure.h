@@ -15,11 +15,11 @@ namespace cairn {
 
 struct ExposureOptions {
   double step = 1.0 / 240;    ///< [s] by which an exposure is varied: an eighth of a frame at 30 Hz
-  double longest = 1.0 / 15;  ///< [s]
-  double kept = 0.95;         ///< of what frames have told, per frame
+  double longest = 1.0 / 15;  ///< [s] of an exposure that is believed
+  double kept = 0.95;         ///< of what earlier frames have told, per frame
   float least_smear = 0.5F;   ///< [search-level px] that a step must add for a point to tell anything
-  uint64_t most_asked = 200;  ///< of the points, and of these
-  int most_telling = 24;      ///< who tell something: half a microsecond for each template
+  uint64_t most_asked = 200;  ///< points of a frame that are compared, at most; and of these
+  int most_telling = 24;      ///< those that tell something: half a microsecond for each template
 };
 
 /// How long a camera exposes its frames, estimated from how it smears what the map knows. Starts at 0;

@@ -18,7 +18,7 @@ namespace cairn {
 
 struct FlowPriorOptions {
   uint64_t most_followed = 150;  ///< points, of those found in the frame before
-  int fewest_followed = 12;      ///< points that agree on a pose, as of the coarse stage
+  int fewest_followed = 12;      ///< points that agree on a pose, as in the coarse stage
   PatchFlowOptions patches;
 };
 

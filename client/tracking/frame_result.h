@@ -57,7 +57,7 @@ struct SeedAnswer {
   std::vector<std::pair<TrailId, PointId>> points;
 };
 
-/// A map point for the overlay: where it was expected, and whether it was found.
+/// A map point for the overlay: the place where it was found, or else expected.
 struct TrackedPoint {
   PointId id;
   uint8_t level = 0;
@@ -69,12 +69,12 @@ struct TrailLine {
   Eigen::Vector2f now = Eigen::Vector2f::Zero();
 };
 
-/// The use that was made of the camera's IMU in a frame.
+/// The state of the camera's IMU in a frame: whether it tells how the camera turned since the frame before.
 enum class ImuUse : uint8_t {
   kNone,         ///< there is none
-  kUsed,         ///< how the camera turned since the frame before
-  kMissing,      ///< nothing: its samples leave a gap there
-  kContradicts,  ///< nothing: its gyro turns otherwise than the images do
+  kUsed,         ///< it tells how the camera turned
+  kMissing,      ///< it tells nothing: its samples leave a gap there
+  kContradicts,  ///< it is not used: its gyro turns otherwise than the images do
 };
 
 struct FrameResult {
@@ -96,8 +96,8 @@ struct FrameResult {
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
   std::optional<KeyframeProposal> keyframe;
-  /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a query is
-  /// under way.
+  /// The frame as the server's relocalizer wants it described, if a query about it is to be made
+  /// (Recovery::ask); else null.
   std::shared_ptr<const PlaceView> reloc_query;
   ImuUse imu = ImuUse::kNone;
   std::string note;  ///< for the status line: why there is no map yet, why it is lost

@@ -26,7 +26,7 @@ struct FrustumOptions {
   float nearest = 1e-3F;  ///< [map unit] in front of the camera; that of the point search
 };
 
-/// The space that a camera may see, whatever its model: for each edge of the image the cone n^T p >= m |p|
+/// The viewing volume of a camera, whatever its model: for each edge of the image the cone n^T p >= m |p|
 /// about the plane through that edge, m low enough to hold the edge as the lens bends it. Holds every point
 /// that projects into the image, and few others. Immutable.
 class Frustum {

@@ -53,9 +53,9 @@ class GyroPrior {
   void tracked(const SE3& now_from_before);
   /// The frame was tracked, or its bearings were followed.
   void seen() { blind_sigma_ = 0; }
-  /// Whether the gyro alone may say how the camera turned in this frame, in which nothing else does. False
-  /// when some sigma of its errors, which add up, are more than `reach` [rad], what a search about it can
-  /// make good.
+  /// Whether the gyro alone may say how the camera turned in this frame, in which nothing else does; ask once
+  /// a frame. False where it tells no turn, and where some sigma of its errors, which add up, are more than
+  /// `reach` [rad], the error that a search about the turn can make good.
   [[nodiscard]] bool carries(double reach);
   /// [rad], per axis: of the turns that the gyro alone has told since something was seen.
   [[nodiscard]] double blind_sigma() const { return blind_sigma_; }

@@ -21,8 +21,8 @@ struct KeptTemplateOptions {
 /// The template of a point, kept from frame to frame while it looks the same.
 class KeptTemplate {
  public:
-  /// The template as a frame shows a patch that it smears by `smear` [px of level 0]. Null where it cannot be
-  /// searched. Valid until the next call.
+  /// The template of a patch as a frame shows it that smears it by `smear` [px of level 0]; `level` is that
+  /// of the search. Null where it cannot be searched. Valid until the next call.
   [[nodiscard]] const PatchTemplate* of(const SourcePatch& source, const Warp& level0_from_source, int level,
                                         const Eigen::Vector2f& smear, const KeptTemplateOptions& options);
 
@@ -34,7 +34,8 @@ class KeptTemplate {
 };
 
 /// The place in a frame that resembles the template best within `radius` of `center` [px of its level], to
-/// sub-pixel. It is sought at the corners; on coarse levels at every pixel where a smear has left no corners.
+/// sub-pixel. It is sought at the corners; on coarse levels, where a smear has left none, at every pixel.
+/// Nothing where no place resembles it enough.
 [[nodiscard]] std::optional<Eigen::Vector2f> look_around(const PatchTemplate& patch, const FrameImages& frame,
                                                          const Eigen::Vector2f& center, float radius,
                                                          int iterations, const KeptTemplateOptions& options);

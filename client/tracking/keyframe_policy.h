@@ -7,17 +7,18 @@
 namespace cairn {
 
 struct KeyframePolicyOptions {
-  int frames_between = 20;  ///< [frames] between two offers (PTAM r114)
-  /// Least share of `frames_between` that must pass; it is enough far beyond the distance, for a camera that
-  /// moves fast would run out of its map.
+  /// [frames] between two offers at `distance`; fewer farther away (PTAM r114)
+  int frames_between = 20;
+  /// Share of `frames_between` that always passes between two offers. It is enough in a young map, where the
+  /// map runs out, and far beyond `distance`: a camera that moves fast would run out of its map.
   double shortest_wait = 0.1;
   double distance = 0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  /// Share of the most points found in a frame since the last offer, which the server may refuse. Below, a
-  /// keyframe is needed soon if the frame shows what the map does not know.
+  /// Share of the most points found in a frame since the last offer, whether or not the server took that.
+  /// Below, a keyframe is needed soon if the frame shows what the map does not know.
   float running_out = 0.9F;
   float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
-  double need_distance = 0.1;  ///< of `distance`, which is enough then
+  double need_distance = 0.1;  ///< of `distance`, which is enough where a keyframe is needed soon
   /// The corners that tell what the map does not know (map_growth): their level, least FAST score and least
   /// texture.
   int area_level = 1;          ///< as the server's own

@@ -10,7 +10,7 @@ constexpr int kMany = 300;  // points found
 
 class KeyframePolicyTest : public ::testing::Test {
  protected:
-  /// Frames until one is offered, all with `found` points at `distance`; at most `most` are tried.
+  /// Frames until one is offered, all with `found` points at `distance`; `most` at most.
   int frames_until_offer(int found, double distance, int most = 200) {
     for (int frame = 1; frame <= most; ++frame) {
       policy_.next_frame();

@@ -141,7 +141,7 @@ class LocalMap::Adjustment {
     }
   }
 
-  /// Keeps the problem from floating: where neither an older keyframe nor the server's map holds it, the
+  /// Keeps the problem from floating: where neither an older keyframe nor enough fixed points hold it, the
   /// oldest of the moving keyframes stays.
   void hold_somewhere(size_t moving) {
     const auto held = std::count(problem_.fixed_points.begin(), problem_.fixed_points.end(), true);

@@ -40,7 +40,7 @@ struct LocalPoint {
   SourcePatch pixels{};
 };
 
-/// The place where a point was found in a frame that is proposed.
+/// A measurement of a point in a frame that is proposed.
 struct LocalMeasurement {
   PointId id;           ///< of the map, the tracker's own included; none: `number`
   uint64_t number = 0;  ///< the LocalPoint that it is, or may become
@@ -73,16 +73,16 @@ struct LocalMapOptions {
 
 /// The map that a tracker makes by itself while the server does not answer: the keyframes that it has
 /// proposed and points of its own, each seen from one of them. A keyframe hangs on the one that it was
-/// proposed against, so all of them ride on adjustments of the server's map. A keyframe counts once its
-/// answer is overdue; soon after the server has taken it in, or refused it, the server's map serves in its
-/// place. Pure; bounded in number; one thread; equal inputs give equal bytes.
+/// proposed against, so all of them ride on adjustments of the server's map. Unanswered
+/// keyframes count once an answer is overdue; soon after the server has taken it in, or refused it, the
+/// server's map serves in its place. Pure; bounded in number; one thread; equal inputs give equal bytes.
 class LocalMap {
  public:
   explicit LocalMap(const LocalMapOptions& options) : options_(options) {}
 
   void clear();
-  /// The camera is known in this map: what hangs on another is forgotten. Until then it stays, for a map that
-  /// was only tried is left again.
+  /// The camera is known in this map: what hangs on another is forgotten. Until then it stays, for a map in
+  /// which the camera is not found is left again.
   void settle_in(MapId map);
 
   /// A frame was proposed as a keyframe: these points are known in it, some of them maybe already from an
@@ -91,8 +91,8 @@ class LocalMap {
                std::span<const LocalPoint> points, std::span<const LocalMeasurement> measurements);
   /// Adjusts the keyframes proposed last, and the points that they see from far enough apart, to what was
   /// measured in them; older ones and the server's map stay (PTAM, section 6.3: local adjustment). Nothing
-  /// happens before a map was extended. Returns the newest keyframe's pose in its reference then; nothing
-  /// when nothing moved.
+  /// happens before a map was extended. Returns the newest keyframe's camera_from_reference then; nothing
+  /// where there was nothing to adjust or it did not succeed.
   [[nodiscard]] std::optional<SE3> adjust(const CameraPtr& camera);
   /// The server's word: what keyframe it has become, or that it was refused.
   void answered(uint64_t number, std::optional<KeyframeId> keyframe);
@@ -106,9 +106,10 @@ class LocalMap {
 
   /// Whether answers are overdue.
   [[nodiscard]] bool is_overdue() const;
-  /// Whether a frame of this time may be proposed. There is room for the keyframes of a minute.
+  /// Whether a frame of this time may be proposed: there is room for the keyframes of a minute, and while
+  /// answers are overdue they are `spacing` apart.
   [[nodiscard]] bool has_room(Timestamp time) const;
-  /// The number of the proposal that a keyframe of its own was; 0: of the server's map.
+  /// The number of the proposal that a keyframe of the tracker's own was; 0 for one of the server's map.
   [[nodiscard]] static uint64_t number_of(KeyframeId id) { return is_local(id) ? id.value & ~kLocalBit : 0; }
 
   [[nodiscard]] size_t keyframe_count() const { return keyframes_.size(); }

@@ -13,11 +13,13 @@ namespace cairn {
 struct MotionOptions {
   double decay = 0.9;         ///< of the velocity, per frame (PTAM r114)
   double longest_step = 0.2;  ///< [s] a velocity is not believed for longer
-  /// [near depths / s^2] 3 g half a metre away. Found with mean depths, of scenes where these hardly differ.
-  /// Of poor frames in hand-held recordings at 30 Hz the most is 21, with the hand six times as fast a
-  /// twentieth has more than 42; of those before a loss 85 to 800.
+  /// [near depths / s^2] Beyond, a step is a leap: 3 g half a metre away. Found with mean depths, of scenes
+  /// where these hardly differ. Of poor frames in hand-held recordings at 30 Hz the most is 21, with the hand
+  /// six times as fast a twentieth has more than 42; of those before a loss 85 to 800.
   double most_acceleration = 60;
-  double shortest_step = 1.0 / 30;  ///< [s] below, the noise of poses counts, whatever the frame rate
+  /// [s] A step counts as at least so long where a leap is judged: in less, the noise of poses counts,
+  /// whatever the frame rate.
+  double shortest_step = 1.0 / 30;
 };
 
 /// How a step of the camera is corrected by what the small images saw (correct_step).

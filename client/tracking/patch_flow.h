@@ -25,7 +25,7 @@ struct PatchFlowOptions {
                                                           const Eigen::Vector2f& expected,
                                                           const PatchFlowOptions& options);
 
-/// The place to which a level-0 pixel of an image goes if it moves as the small image does.
+/// Moves a level-0 pixel of an image as its small image has moved. `image` gives the size only.
 [[nodiscard]] Eigen::Vector2f moved_by(const TinyMotion& motion, const Eigen::Vector2f& pixel,
                                        const GrayImage& image);
 

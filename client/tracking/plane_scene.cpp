@@ -10,7 +10,7 @@
 namespace cairn::test {
 namespace {
 
-/// The place where a ray of the camera meets Z = 0, in the map frame.
+/// The point at which a ray of the camera meets the plane Z = 0, in the map frame.
 Eigen::Vector3d on_plane(const SE3& map_from_camera, const Eigen::Vector3d& ray_in_camera) {
   const Eigen::Vector3d ray = map_from_camera.rotation() * ray_in_camera;
   const Eigen::Vector3d& center = map_from_camera.translation();

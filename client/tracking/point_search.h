@@ -29,10 +29,11 @@ struct VisiblePoint {
   float depth = 0;  ///< along the optical axis [map unit]
 };
 
-/// The means by which a point is looked for where an alignment reaches as far; beyond, it is always corners.
+/// The ways in which a point is looked for. Beyond the reach of an alignment only corners tell: there
+/// kAlignment looks at them too, and kCorners does nothing.
 enum class SearchBy : uint8_t {
   kAlignment,
-  kCorners,  ///< after kAlignment has failed: nothing is tried again
+  kCorners,  ///< after kAlignment has failed: nothing is looked for twice
   kBoth
 };
 
@@ -45,7 +46,7 @@ struct SearchReach {
 
 struct PointSearchOptions {
   double nearest = 1e-3;  ///< [map unit] in front of the camera (PTAM r114)
-  /// [search-level px] radius up to which alignment is tried from where it is expected.
+  /// [search-level px] Radius up to which a point is aligned from where it is expected.
   float alignment_reach = 5.0F;
   float least_radius = 1.5F;  ///< [search-level px] of a search, however small the radius at level 0
   KeptTemplateOptions templates;
@@ -72,8 +73,8 @@ class PointSearch {
   /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves
   /// the view.
   [[nodiscard]] bool reproject(const SE3& camera_from_map, VisiblePoint* point) const;
-  /// Looks for the point where it is expected: by alignment alone if that reaches as far, else at the corners
-  /// around; with sub-pixel refinement.
+  /// Looks for the point where it is expected, to sub-pixel: by alignment if that reaches as far, and where
+  /// it does not or fails, at the corners around; of these only what SearchReach::by asks for.
   void search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point);
 
  private:

@@ -21,7 +21,7 @@ struct TrackerOptions;
 
 struct PoseFinderOptions {
   int max_points = 1100;     ///< searched per frame; PTAM r114 has 1000, of which sim-desk shows 490
-  int coarse_points = 60;    ///< (PTAM r114)
+  int coarse_points = 60;    ///< points of the coarse stage (PTAM r114)
   float coarse_radius = 30;  ///< [px of level 0] (PTAM r114)
   float fine_radius = 10;    ///< [px of level 0] without a coarse stage before (PTAM r114)
   float fine_radius_after_coarse = 5;  ///< [px of level 0] (PTAM r114)
@@ -43,11 +43,11 @@ struct PoseFinderOptions {
   /// median is no measure of the noise, and a cut-off from it lets them bend the pose by centimetres. A map
   /// that does not fit so well is tracked by the second attempt, which has no ceiling.
   double max_squared_cutoff = 9.0;
-  /// [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt
-  /// found by more than 5 was 5 to 40 cm off.
+  /// [sigma] RMS of the inliers of a pose that is believed, at most. In the experiments no right pose had
+  /// more than 1.5; those of the second attempt with more than 5 were 5 to 40 cm off.
   double most_rms = 3.0;
-  /// Least share of the quality of the frame before that is expected of a frame: what is found grows less as
-  /// things leave the image and blur comes, but not by so much from one frame to the next.
+  /// Share of the quality of the frame before, below which the coarse stage is doubted: fewer points are
+  /// found as things leave the image and blur comes, but not so many fewer from one frame to the next.
   float least_of_quality_expected = 0.7F;
   float widen = 2.0F;  ///< factor of the second attempt's radius and points (PTAM r114)
   /// A point this many times as deep as points found beside it stands behind the thing they are on. Across
@@ -63,17 +63,18 @@ struct SearchEffort {
   float coarse_radius = 0;  ///< [px of level 0]
   float fine_radius = 0;    ///< [px of level 0] without a coarse stage before
   float fine_radius_after_coarse = 0;
-  double max_squared_cutoff = std::numeric_limits<double>::infinity();  ///< of the pose's M-estimator [sigma]
+  double max_squared_cutoff = std::numeric_limits<double>::infinity();  ///< Tukey's [sigma^2]
   /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
   float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
-  /// Whether the search looks again without the coarse stage, and takes the better result, where that stage
-  /// does not lead to a good pose, or to much less than the quality expected.
+  /// Whether the search looks again without the coarse stage where that does not lead to a good pose, or
+  /// leads to much less than the quality expected. The pose with more points is taken.
   bool doubts_coarse = false;
   float expected_quality = 0;  ///< that of the frame before; 0: unknown
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
-/// Twice the points and radius (as PTAM r114 does): the second attempt, and whoever is lost.
+/// `widen` times the points and radii (PTAM r114: twice), and no ceiling of the cut-off: for the second
+/// attempt, and for a camera that is lost. After a coarse stage the radius is `fine_radius`.
 [[nodiscard]] SearchEffort wide_effort(const TrackerOptions& options);
 
 enum class PoseVerdict : uint8_t { kGood, kPoor, kBad };
@@ -110,11 +111,12 @@ class PoseFinder {
   [[nodiscard]] double rms() const {
     return seen_.rms;
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
-  /// Covariance of the pose fitted last, left tangent, for sigmas of 2^level px.
+  /// Covariance of the pose fitted last, left tangent, for sigmas of 2^level px. That is another than
+  /// located() where a second look without the coarse stage found less.
   [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
   /// Mean depth of the points found [map unit]; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
-  /// Depth than which a tenth of the points searched, found or not, is nearer [map unit]; nothing without
+  /// The depth within which a tenth of the points searched lies, found or not [map unit]; nothing without
   /// any. Far lights have no part in it, even where they are all that is found.
   [[nodiscard]] std::optional<double> near_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.

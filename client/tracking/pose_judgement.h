@@ -15,9 +15,10 @@ enum class PoseSupport : uint8_t {
 };
 
 struct PoseJudgementOptions {
-  /// Sigma of a position that is known, over the depth: an overlay stands still.
+  /// Greatest sigma of a position that counts as known, over the depth: an overlay stands still.
   double known_position = 0.01;
-  /// [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
+  /// [rad] Greatest sigma of a rotation that counts as known, for pixels of the level with a sigma of one.
+  /// Patches are aligned to 0.3, so it is then known to half a degree.
   double known_rotation = 0.033;
 };
 

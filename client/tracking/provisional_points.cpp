@@ -145,7 +145,8 @@ void ProvisionalPoints::search(const FrameImages& now, float radius, bool asks_c
   point->found = true;
 }
 
-/// The pose to which the camera has turned from `predicted`, by the points of the coarse level.
+/// The pose to which the camera has turned from `predicted`, by the points of the coarse level; `predicted`
+/// itself where too few of them are found or agree.
 SE3 ProvisionalPoints::follow_coarse(const FrameImages& now, const SE3& predicted) {
   for (Point& p : points_) {
     p.found = false;
@@ -307,7 +308,8 @@ bool ProvisionalPoints::has_neighbour(const Eigen::Vector2f& pixel) const {
   });
 }
 
-/// Drops the point that has been out of view for longest, if all places are taken. Whether there is room.
+/// Drops the point that has been out of view for longest, if all places are taken. Returns whether there is
+/// room then: not if all are in view.
 bool ProvisionalPoints::make_room() {
   if (points_.size() < kMostPoints) return true;
   const auto oldest = std::max_element(points_.begin(), points_.end(), [](const Point& a, const Point& b) {

@@ -27,17 +27,17 @@ struct ProvisionalPointsOptions {
   /// the fraction of a degree that is asked of them.
   int finest_level = 1;
   int coarsest_level = 2;
-  int cell_limit = 4;             ///< points in a cell; 48 cells have 192
-  int begin_every = 3;            ///< [frames] a pan of 150 degrees/s turns by 15 degrees meanwhile
-  float neighbour = 6;            ///< [px of level 0] nearer than that two corners are one
-  float least_texture = 70;       ///< Shi-Tomasi's measure, as of keyframe candidates (PTAM r114)
-  int oldest = 900;               ///< [frames] who waits so long for the map to grow waits in vain
-  int unseen_limit = 60;          ///< [frames] out of view
-  int miss_limit = 8;             ///< [frames] in view and not found
-  int refusals = 2;               ///< in a row: it moves, or was mistaken
-  int iterations = 8;             ///< of an alignment
-  float coarse_radius = 20;       ///< [px of level 0]
-  float fine_radius = 6;          ///< [px of level 0]
+  int cell_limit = 4;        ///< points in a cell; 48 cells have 192
+  int begin_every = 3;       ///< [frames] a pan of 150 degrees/s turns by 15 degrees meanwhile
+  float neighbour = 6;       ///< [px of level 0] nearer than that two corners are one
+  float least_texture = 70;  ///< Shi-Tomasi's measure, as of keyframe candidates (PTAM r114)
+  int oldest = 900;          ///< [frames] then it is dropped: a map that has not grown there by then will not
+  int unseen_limit = 60;     ///< [frames] out of view
+  int miss_limit = 8;        ///< [frames] in view and not found
+  int refusals = 2;          ///< in a row: it moves, or was mistaken
+  int iterations = 8;        ///< of an alignment
+  float coarse_radius = 20;  ///< [px of level 0]
+  float fine_radius = 6;     ///< [px of level 0]
   uint64_t fewest_coarse = 6;     ///< found, to say where the camera has turned to
   uint64_t fewest_bearings = 15;  ///< that agree on a pose
   /// [sigma^2] Tukey's cut-off, at least, as the pose finder's: matches are good to a third of their sigma,
@@ -46,11 +46,14 @@ struct ProvisionalPointsOptions {
   double max_squared_cutoff = 9.0;  ///< [sigma^2]
   double measured_sigma = 0.3;      ///< [search-level px] of an aligned patch
   double gate = 9.21;               ///< squared innovation of 2 degrees of freedom: 99 % of chi-square
-  /// Least way over the mean depth from the latest place of a measurement to the next: from nearer than that
-  /// the same errors would be measured twice.
+  /// Least distance between the cameras of two measurements of a depth, over the mean depth: from nearer the
+  /// same errors would be measured twice.
   double news_distance = 0.003;
-  double free_position = 1;   ///< sigma over the mean depth: what is not measured is singular without
-  double turned_only = 1e-3;  ///< sigma over the depth: the camera turns and leaves its place
+  /// Sigma of the position's prior where it is to be measured, over the mean depth: without a prior, what is
+  /// not measured is singular.
+  double free_position = 1;
+  /// Likewise, over the depth, where the camera only turns and keeps its place.
+  double turned_only = 1e-3;
   double point_depth = 0.05;  ///< sigma of the inverse depth over itself, of what becomes a point
   /// Least inverse depth, over the prior's: in front of the camera, however far.
   double least_inverse = 1e-6;
@@ -103,8 +106,9 @@ class ProvisionalPoints {
     PoseSupport support = PoseSupport::kPosition;
     double mean_depth = 1;  ///< [map unit] of what it shows
   };
-  /// The frame of the latest follow() has this pose: depths are measured, where its position is known; what
-  /// does not agree is dropped; corners are begun where neither the map nor any of them has a point.
+  /// The frame of the latest follow() has this pose: depths are measured, where its position is known; a
+  /// point that does not agree `refusals` times in a row is dropped; corners are begun where neither the map
+  /// nor any of them has a point.
   void update(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map,
               std::span<const VisiblePoint> map_points);
 
@@ -130,8 +134,8 @@ class ProvisionalPoints {
   /// Appends those found in the latest frame whose depth is known to a twentieth, as points of the map that
   /// the tracker makes for itself; here they stay.
   void known(std::vector<LocalPoint>* out) const;
-  /// Appends where points of the map were found in the latest frame, and those of them that agree with its
-  /// pose.
+  /// Appends where the points of the map and those followed here were found in the latest frame, all that
+  /// agree with its pose.
   void measurements(std::span<const VisiblePoint> map_points, std::vector<LocalMeasurement>* out) const;
   /// Forgets the points with these numbers: they have become points elsewhere.
   void forget(std::span<const uint64_t> numbers);

@@ -52,8 +52,8 @@ class StillRegions {
   bool learn(const Pyramid& frame);
   /// Cheap, for every frame: what was taken for a border and changes is none. True when mask() has changed.
   bool watch(const GrayImage& level3);
-  /// Whether enough frames were counted for a first judgement, or so many were looked at that none is to be
-  /// expected.
+  /// Whether a whole round of frames was counted, or so many were looked at that none is to be expected. A
+  /// first mask may be known before.
   [[nodiscard]] bool has_judged() const { return has_judged_; }
   /// The mask as far as it is known; null: nothing stands still.
   [[nodiscard]] const StillMaskPtr& mask() const { return mask_; }

@@ -70,8 +70,8 @@ void Tracker::State::clear_result() {
   result.trails = std::move(lines);
 }
 
-/// Begins where there is no map yet: trails are followed until they make one, or until one is known of the
-/// place.
+/// Begins where there is no map yet: follows trails until they make one, or until a map of the place is
+/// known.
 void Tracker::State::start(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& snapshot) {
   follow_trails(image, time);
   if (!snapshot) return;
@@ -225,7 +225,8 @@ void Tracker::State::propose_keyframe(Timestamp time) {
   result.keyframe = std::move(proposal);
 }
 
-/// Takes a proposal into the tracker's own map. Until the server answers, nobody else adjusts that keyframe.
+/// Takes a proposal into the tracker's own map. While answers are overdue it is adjusted there, for until the
+/// server answers nobody else does that.
 void Tracker::State::map_locally(Timestamp time, KeyframeProposal* proposal) {
   known.clear();
   provisional.known(&known);

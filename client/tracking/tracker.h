@@ -32,9 +32,9 @@ class Tracker {
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
 
-  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). A map that no
-  /// seed of ours is the beginning of is entered as one who is lost in it. `image` is kept as long as a seed
-  /// may need it. The result is valid until the next call.
+  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). A map that
+  /// has not come of this tracker's own seed is entered as by a lost camera. `image` is kept as long as a
+  /// seed may need it. The result is valid until the next call.
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
 
@@ -61,9 +61,10 @@ class Tracker {
   /// The server's word on the keyframe proposed under this number: what it has become, or that it was
   /// refused. Until then the tracker maps on by itself.
   void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe);
-  /// The answer to `reloc_query`: where the camera may be, or that no place is known, without a fresh word
-  /// of which no seed is proposed. A hypothesis has its poses published when three frames in a row
-  /// have verified it; one that was rejected again and again counts as not known for a while.
+  /// The answer to `reloc_query`: where the camera may be, or that no place is known. Unless start_over()
+  /// insists on a new map, a seed is proposed only after a fresh answer of the second kind. The poses of a
+  /// hypothesis are published when three frames in a row have verified it; one that was rejected again and
+  /// again counts as not known for a while.
   PlaceUse relocalization_answered(const std::optional<PoseHypothesis>& hypothesis);
   /// The query was answered, and not whether the place is known: another may be made.
   void place_left_open();

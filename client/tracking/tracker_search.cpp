@@ -53,9 +53,9 @@ SearchEffort Tracker::State::expected_effort() const {
   return effort;
 }
 
-/// Searches from where the velocity and the small image expect the camera. Where it is not found, it is
-/// sought twice as far about where the small image alone expects it; then turned as the gyro says, and moved
-/// to where that leaves it.
+/// Searches from where the velocity and the small image expect the camera (at a cut the velocity and the
+/// gyro). Where it is not found, it is sought twice as far about where the small image alone expects it; then
+/// turned as the gyro says, and moved so that the small image agrees.
 Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   const SE3 by_images =
       correct_step(model.predicted_step(time), seen, *camera, mean_depth, options.step_correction);
@@ -78,8 +78,8 @@ Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   return is_doubted ? compared_within_reach(found) : found;
 }
 
-/// Prefers the pose that shows where the camera can be: a structure that repeats draws a search to another of
-/// its periods.
+/// Compares a pose out of reach with the one found where the camera can be, and prefers that if it shows
+/// there: a structure that repeats draws a search to another of its periods.
 Tracker::State::Attempt Tracker::State::compared_within_reach(Attempt found) {
   const SE3 there = *found.pose;
   const Attempt near =

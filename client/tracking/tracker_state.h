@@ -96,8 +96,8 @@ struct Tracker::State {
   [[nodiscard]] Attempt search_otherwise();
   [[nodiscard]] SearchEffort expected_effort() const;
   [[nodiscard]] SearchEffort effort_of(PoseStart::Reach reach) const;
-  /// The camera's step since the frame before, by the small images, or by the gyro where these have nothing
-  /// in common.
+  /// How the camera has turned since the frame before (now from before), by the small images, or by the gyro
+  /// where these have nothing in common.
   [[nodiscard]] SE3 turned() const {
     return gyro.turn() && is_cut ? *gyro.turn()
                                  : correct_step(SE3(), seen, *camera, mean_depth, options.step_correction);

@@ -181,7 +181,7 @@ TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
   EXPECT_LT(center_distance(step(truth).camera_from_map, truth), 2e-3);
 }
 
-/// Its memory is tried while it cannot have gone far. Of a covered lens "not known" says nothing, of an
+/// Its memory is believed while it cannot have gone far. Of a covered lens "not known" says nothing, of an
 /// image with much to see it says that the camera is elsewhere: then only who compares with all maps is
 /// believed.
 TEST_F(OnMap, MemoryIsNotBelievedOnceTheCameraWasSeenElsewhere) {

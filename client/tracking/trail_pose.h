@@ -12,7 +12,9 @@
 namespace cairn {
 
 struct TrailPoseOptions {
-  int fewest = 20;  ///< trails that became points, and of these that agree
+  /// Trails that became points; and of these that agree, where half of them do not agree on a pose near the
+  /// second view.
+  int fewest = 20;
 };
 
 /// The pose of the present frame in the map that was made from trails, by where these are now; nothing when

@@ -140,8 +140,9 @@ Warp TrailFollower::warp_from_first() const {
   return fit_warp(ends);
 }
 
-/// The place in `now` where the patch of a trail's first frame is found. In a sharp image it is found at
-/// level 0, in one that is noisy or blurred perhaps at level 1 only.
+/// The level-0 place in `now` where the patch that a trail had in its first frame is found at `level`;
+/// nothing where it is not. In a sharp image it is found at level 0, in one that is noisy or blurred perhaps
+/// at level 1 only.
 std::optional<Eigen::Vector2f> TrailFollower::match_first_patch(const FollowedTrail& trail, int level,
                                                                 const Warp& warp,
                                                                 const FrameImages& now) const {
@@ -187,7 +188,7 @@ void TrailFollower::remember_way(const FrameImages& now) {
 }
 
 /// The places of trails in views a fifth of the way apart, and now (`last`). Only trails that were found
-/// again in all of these are taken, and of them some.
+/// again in all of these are taken, `most_judged` at most.
 MultiView TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) const {
   std::vector<size_t> on_the_way;
   auto from = way_.begin();

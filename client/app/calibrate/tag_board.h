@@ -19,7 +19,7 @@ class TagBoard final : public Board {
   [[nodiscard]] std::string describe() const override { return description_; }
 
  private:
-  /// Finds the tags in an image if their border is `border` bits wide.
+  /// Finds the tags in an image if their border is `border` bits wide. Nothing where fewer than two are seen.
   [[nodiscard]] std::optional<BoardView> find(const GrayView& image, int border) const;
 
   std::string description_;

@@ -18,7 +18,7 @@ constexpr double kLeastContrast = 8;    ///< [grey values per px] of an edge
 constexpr double kMostHalfWidth = 2.5;  ///< [px] of an edge: further off, noise only
 constexpr std::array kMostReach = {3.0, 2.0, 1.0};  ///< [px] from where the side was, pass by pass
 
-/// The place where an edge crosses a profile.
+/// The point at which an edge crosses a profile.
 struct Crossing {
   double along = 0;   ///< share of the side
   double across = 0;  ///< [px] outwards from the chord
@@ -123,7 +123,7 @@ std::optional<Eigen::Vector2d> fit_side(const GrayView& image, const Eigen::Vect
   return fit(crossings, degree, static_cast<size_t>(std::max(degree + 2, profiles / 2)));
 }
 
-/// Refines the corners in one pass; false where a side is not seen.
+/// Refines the corners in one pass; false where a side is not seen, or nearly goes on with the next.
 bool improve(const GrayView& image, double reach, double half_width, int degree, TagCorners* corners) {
   const Eigen::Vector2d centre = ((*corners)[0] + (*corners)[1] + (*corners)[2] + (*corners)[3]) / 4;
   std::array<Eigen::Vector2d, 4> outward;

@@ -90,7 +90,7 @@ double step_length(const MapAlignment& map, size_t i) {
       .norm();
 }
 
-/// The place of each pair of a map on the scale that delta is measured by; ascending.
+/// How far along its map each pair is, in the unit of delta; ascending.
 std::vector<double> stations(const MapAlignment& map, DeltaUnit unit) {
   std::vector<double> at(map.pairs.size(), 0.0);
   for (size_t i = 1; i < at.size(); ++i) {

@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// The transform that the estimate may be moved by before it is compared: kSim3 for one camera without a
-/// known scale, kSe3 for metric.
+/// The kind of transform that fits an estimate to the truth before they are compared: kSim3 for one camera
+/// without a known scale, kSe3 for metric.
 enum class Alignment { kSim3, kSe3 };
 /// The unit of --delta of the relative error: matched poses, metres along the truth, or seconds.
 enum class DeltaUnit { kFrames, kMetres, kSeconds };

@@ -33,7 +33,7 @@ struct Range {
   [[nodiscard]] double size() const { return high - low; }
 };
 
-/// Plain drawing in pixels of the finished picture.
+/// Plain drawing in pixels of the finished image.
 class Canvas {
  public:
   Canvas() : pixels_(kHeight * kOversampling, kWidth * kOversampling, CV_8UC3, cv::Scalar(255, 255, 255)) {}

@@ -23,8 +23,8 @@ struct ReadTrajectory {
 
 /// Reads the truth as read_estimate() does, and turns rows of the body (EuRoC, TUM-VI) into those of the
 /// camera: with T_BS of the sensor.yaml beside the file (the sensor's whose poses they are, or the camera's),
-/// and of `../cam0/sensor.yaml`, as EuRoC lays out its folders. Without any they stay the body's, and a note
-/// says so.
+/// and of `../cam0/sensor.yaml`, as EuRoC lays out its folders. Without the camera's they are the body's, and
+/// a note says so.
 [[nodiscard]] Result<ReadTrajectory> read_truth(const std::filesystem::path& path);
 
 /// Evidence that a file which was read as x y z w has its quaternions' w first.

@@ -49,7 +49,7 @@ class ImageChoice {
   /// Chooses the camera whose images are wanted; empty: nobody's.
   void choose(const std::string& camera, MonotonicTime now);
   [[nodiscard]] const std::string& chosen() const { return view_.camera; }
-  /// The request that is to be sent now, if any.
+  /// The request that is to be sent now, if any; it counts as sent.
   [[nodiscard]] std::optional<wire::PictureRequest> request(MonotonicTime now);
   /// `pixels`: of the image. One that was not asked for is dropped.
   void receive(const wire::CameraPicture& message, cv::Mat pixels, MonotonicTime now);

@@ -21,7 +21,7 @@ class ImageDemand {
   [[nodiscard]] bool is_asked(MonotonicTime now) const;
   /// Names of those who ask.
   [[nodiscard]] std::vector<std::string> askers(MonotonicTime now) const;
-  /// Whether a frame of now is to be sent. If so, the next one is due a tenth of a second later.
+  /// Whether a frame of now is to be sent. If so, the next one is due about a tenth of a second later.
   [[nodiscard]] bool take_turn(MonotonicTime now);
 
  private:

@@ -61,8 +61,7 @@ class ViewerControls {
   bool set_labels(const LabelListPtr& labels) {
     return frame_ && std::exchange(frame_->labels, labels) != labels;
   }
-  /// The other camera of the wearer's that is shown large, with this one small; its name is empty where none
-  /// is.
+  /// The wearer's other camera that is shown large, with this one small; without a name where none is.
   [[nodiscard]] const OtherView& other() const { return other_; }
   /// Name of the camera whose image is wanted; empty: none.
   [[nodiscard]] const std::string& wanted() const { return wanted_; }

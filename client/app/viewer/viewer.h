@@ -16,7 +16,8 @@
 
 namespace cairn {
 
-/// The calls by which the window uses the session, on the window's thread.
+/// The calls by which the window uses the session, the rig and the wearer's other cameras, on the window's
+/// thread.
 struct ViewerLink {
   std::function<LabelListPtr(MapId)> labels;
   std::function<void(wire::ClientRequest)> request;
