@@ -101,7 +101,8 @@ class Endpoint : private ServiceOutput {
   void open_wanted_feeds(const std::string& name, ClientLink* link);
   /// The serialized blocks of a map, for all who are sent it.
   [[nodiscard]] std::shared_ptr<SerializedBlocks> blocks_of(MapId map);
-  /// The publication of a sample; null: the sample is not of the client that it claims to be of.
+  /// The publication of a sample; null: it has gone meanwhile, or the sample is not of the client that it
+  /// claims to be of.
   template <typename Message>
   [[nodiscard]] const Publications::Publication* identify(Inlet<Message>* inlet,
                                                           const wire::Sample<Message>& sample);

@@ -31,7 +31,7 @@ class Archives {
   /// Error: there is none.
   [[nodiscard]] Result<told::Copy> hand_out(
       const std::function<Status(const std::filesystem::path& to)>& copy);
-  /// Removes archives that nobody has touched for long.
+  /// Ends transfers, of either direction, that nobody has touched for long (Transfers::kPatience).
   void expire();
 
  private:

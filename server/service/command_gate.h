@@ -56,7 +56,7 @@ class CommandGate {
   /// Whether `seq`, before which something is missing, is the lowest that the client sends, again and again:
   /// what lies before it has been decided then, whatever is known of that here.
   [[nodiscard]] bool is_lowest_wanted(uint64_t seq);
-  /// Takes in decisions that were ahead of others and are no longer.
+  /// Moves decisions to the recent ones that were ahead of others and are no longer.
   void close_ranks();
 
   SessionId session_;

@@ -198,7 +198,8 @@ class KeptMap {
     return folder_ / "maps" / (to_hex(id().bytes) + ".cairnmap");
   }
 
-  /// Restores the map, as a server does that ends and starts again. With a store of its own.
+  /// Ends the map and restores it, as a server does that ends and starts again. Precondition: it has a store
+  /// of its own.
   void restart() {
     end_work();
     runner_->save_last_changes();

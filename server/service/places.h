@@ -12,8 +12,8 @@
 
 namespace cairn {
 
-/// Answers where a client is: takes its queries to the place index and the answers back, and keeps which maps
-/// show the same place. Used from the service's thread.
+/// Answers clients' queries about where they are, by the place index on the executor of queries, and keeps a
+/// list of maps that show the same place. Used from the service's thread.
 class Places {
  public:
   Places(const ServiceContext& context, Clients& clients, Sessions& sessions, const ServedMaps& maps);

@@ -13,7 +13,7 @@
 namespace cairn {
 
 /// Proposals: keyframes of clients that may not add them, kept aside until an operator decides. They are
-/// looked at in the executor that stands back for all others, on what is published of the map; the map's
+/// judged by what is published of the map, on the idle executor (in lockstep on the urgent one); the map's
 /// queue hears of one when an operator accepts it. Used from the service's thread.
 class Proposals {
  public:

@@ -64,10 +64,10 @@ class ServedMaps {
   /// Makes a map ready that the store gives back: the part that takes time. Thread-safe.
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
-  /// Puts another state of a map that is served in its place. Returns the labels of both; nothing: the map
-  /// has gone.
+  /// Puts another state of a map that is served in its place. Returns the ids of the labels of both states;
+  /// nothing: the map has gone.
   [[nodiscard]] std::optional<std::set<LabelId>> replace(ResumedMap map);
-  /// Takes another revision of a map.
+  /// Shows another revision of a map, unless the map has gone or its seed is not decided yet.
   void change(MapId map, MapRevision revision);
   /// Forgets a map that has been deleted, or was never made.
   void forget(MapId map);

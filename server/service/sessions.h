@@ -25,7 +25,7 @@ class Sessions {
   /// A tracker's word on itself. Whether it counts: another live process may hold the name.
   bool hear(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
             const wire::TrackerStateMessage& message);
-  /// Takes a camera that a process announces under this name; more of them may send.
+  /// Takes a camera that a process announces under this name; several processes may do so.
   void announce(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera);
   /// Whether a command of this session is of the process that holds the name.
   [[nodiscard]] bool holds(const Client& client, SessionId session) const {

@@ -41,9 +41,9 @@ class SiteAccess {
   [[nodiscard]] static Result<std::unique_ptr<SiteAccess>> open(const std::filesystem::path& folder,
                                                                 SiteKind kind, Clock clock,
                                                                 const Logger& log);
-  /// Notes the fingerprint of the authority that a secured site's keys are of; a task of `site`. Where the
-  /// store was last used with keys of another, that is said this once, in the log and on record, with what to
-  /// do. Errors: kDamaged, kIo.
+  /// Notes the fingerprint of the authority that a secured site's keys are of. To be called in a task of
+  /// `site`. Where the store was last used with keys of another authority, that is said this once, in the log
+  /// (with what to do) and on record. Errors: kDamaged, kIo.
   [[nodiscard]] Status know_authority(const std::string& fingerprint);
   /// Sets the executors. To be called before anything of what follows.
   void run_by(Executors executors) { executors_.emplace(std::move(executors)); }

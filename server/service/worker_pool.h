@@ -51,7 +51,7 @@ class WorkerPool : public Executor {
   std::vector<std::thread> threads_;
 };
 
-/// A Parallel of so many threads, which live no longer than a call.
+/// A Parallel on so many threads, which live no longer than a call.
 [[nodiscard]] Parallel on_threads(int threads);
 
 }  // namespace cairn

@@ -87,7 +87,7 @@ class LoneClientFixture : public ::testing::Test {
     state.session = session_;
     (void)server_->service().sessions().hear(client_principal(kClient), publication_, process_, state);
   }
-  /// Does all that is to be done now.
+  /// Lets two seconds pass, and does all that is to be done meanwhile.
   void settle() {
     for (int i = 0; i < 40; ++i) {
       clock_->advance(std::chrono::milliseconds(50));
