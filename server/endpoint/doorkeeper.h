@@ -38,8 +38,8 @@ class Doorkeeper {
   Doorkeeper(SiteKeys keys, Logger log, std::shared_ptr<wire::RefusedPeers> refused = nullptr)
       : keys_(std::move(keys)), log_(std::move(log)), refusals_(std::move(refused)) {}
 
-  /// The client or operator of that name, which is in the name of its partition. An operator that the register
-  /// of a secured site does not know may watch only.
+  /// The client or operator of that name, which is in the name of its partition. In a secured site, an
+  /// operator that the register does not know gets the duty to watch, and no other.
   [[nodiscard]] Principal client(std::string name) const;
   [[nodiscard]] Principal operator_of(std::string name);
 

@@ -38,8 +38,8 @@ class WearerRule {
  public:
   /// A pose older than that says nothing of where the wearer is.
   static constexpr std::chrono::milliseconds kFresh{500};
-  /// After so many queries in a row that were not confirmed in the maps of the wearer's other cameras, all maps
-  /// count (kFirst).
+  /// After so many queries in a row that were not confirmed in the maps of the wearer's other cameras, all
+  /// maps count (kFirst).
   static constexpr int kQueries = 2;
   /// Ratio of the inliers in another map to those in the maps of the wearer's other cameras, above which they
   /// are clearly more. Measured once to choose it: two maps of one place, with two to five keyframes, have
