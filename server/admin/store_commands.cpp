@@ -198,7 +198,7 @@ Result<bool> is_secured(const fs::path& store) {
   return since->has_value();
 }
 
-/// How a server is started with what was restored.
+/// Prints how a server is started with what was restored.
 void print_next_step(const fs::path& folder, bool needs_keys) {
   const std::string store = one_line(folder.string());
   if (!needs_keys) {

@@ -81,9 +81,9 @@ class Clients {
   RateLimit output_trouble_;
 };
 
-/// To a process that an operator has ended.
+/// Notice to a process that an operator has ended.
 inline constexpr const char* kKicked = "an operator has ended this; start the tracker again to go on";
-/// To a process that asks for lockstep where there is none.
+/// Notice to a process that asks for lockstep where there is none.
 inline constexpr const char* kNoLockstep =
     "this server does not work in lockstep, since that holds up all others; leave out --pace lockstep, or "
     "start cairn-server with --lockstep allow";

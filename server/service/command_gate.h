@@ -73,7 +73,7 @@ class CommandGate {
 using OfferGate = CommandGate<wire::OfferVerdict>;
 using RequestGate = CommandGate<wire::ClientReply>;
 
-/// The same for seeds, of which a client has one at a time and a later one supersedes. Pure.
+/// The gate for seeds, of which a client has one at a time: a later one supersedes it. Pure.
 class SeedGate {
  public:
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };

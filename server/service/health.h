@@ -31,7 +31,7 @@ class Health {
   [[nodiscard]] const std::vector<UnloadedMap>& unloaded() const { return unloaded_; }
   /// Takes over the damaged files and the unloaded maps that somebody has just looked for.
   void note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unloaded);
-  /// Looks for them again, beside the store's writer: an operator may have taken something away.
+  /// Looks for both again, beside the store's writer: an operator may have taken something away.
   void look_again();
   /// Takes over the unloaded maps. To be called when all maps of the store have been read.
   void note_restored();

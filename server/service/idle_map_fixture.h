@@ -213,7 +213,7 @@ class KeptMap {
     set([&] { newest_ = std::move(first); });
     runner_->go_on();
   }
-  /// It keeps its last changes and lets go of the store.
+  /// Ends the map: its last changes are kept, and the store is let go.
   void end() {
     end_work();
     runner_->save_last_changes();

@@ -35,7 +35,7 @@ class OfferTimes {
   uint64_t accepted_ = 0;
 };
 
-/// One map of the server as its I/O thread sees it. What MapArray sums up (name, snapshot, statistics,
+/// One map of the server as the service's thread sees it. What MapArray sums up (name, snapshot, statistics,
 /// offers_in_work, name_to_be) is changed by its methods only.
 struct MapEntry {
   std::string name;

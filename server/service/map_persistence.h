@@ -36,8 +36,8 @@ class MapPersistence {
  public:
   /// Called by the writer when the update is durable, or with the reason why it is not.
   using Done = std::function<void(Status)>;
-  /// Changes that no answer waits for are saved after this time at the latest (5 s). While nothing can be
-  /// kept, the store is tried again as often.
+  /// Changes that no answer waits for are handed in after this time. While nothing can be kept, the store is
+  /// tested as often.
   static constexpr std::chrono::seconds kSaveDelay{2};
   static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
@@ -110,7 +110,7 @@ class MapPersistence {
   };
   MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Logger log);
   void post(Job job);
-  /// One turn of the writer; when the next is due.
+  /// Takes one turn of the writer. Returns when the next is due.
   [[nodiscard]] std::optional<MonotonicTime> work();
   void run_due(MonotonicTime now);
   void carry_out();

@@ -197,7 +197,8 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   queue_.post(std::move(take), Urgency::kUrgent);
 }
 
-/// One after the other: each was tracked on what the one before it brought, whose points come first.
+/// Takes the offers of a chain one after another: each was tracked on what the one before it brought, and the
+/// points of that are made first.
 void MapRunner::take_next_of_chain() {
   finish_all_work(kStepsOnly, [self = shared_from_this()] {
     WaitingOffer next = std::move(self->chained_.front());

@@ -176,7 +176,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void adjust_globally(Executor* executor, std::function<void(bool adopted)> then);
   // Images evicted and paged in (map_paging.cpp).
   [[nodiscard]] bool may_evict(const std::pair<Epoch, Revision>& indexed) const;
-  /// Whether the next step of its work needs images that have been evicted.
+  /// Whether the next step of the map's work needs images that have been evicted.
   [[nodiscard]] bool needs_images() const;
   /// Pages in evicted images, then calls `then` on the queue, whatever has happened: when they can never be
   /// had, the map is frozen. What may pass (a busy disk, no memory) is waited for. An exception: nothing has

@@ -26,7 +26,7 @@ class PendingOffer {
   PendingOffer& operator=(const PendingOffer&) = delete;
 
   void withdraw() { withdrawn_ = true; }
-  /// Its client may not offer it any more. Thread-safe.
+  /// Whether it was withdrawn: its client may not offer it any more. Thread-safe.
   [[nodiscard]] bool is_withdrawn() const { return withdrawn_; }
 
  private:

@@ -39,10 +39,10 @@ class Places {
  private:
   void watch_for_overlaps();
   void on_overlap(const Overlap& overlap);
-  /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
+  /// The camera to look for a place with: a camera that is announced as a guess may be known by a map.
   [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
                                      const AnnouncedCamera& announced) const;
-  /// On a worker of the queries.
+  /// Decodes a query and asks the runner. Called on a worker of the queries.
   void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
                const WearerRule::Search& search);
   void on_answered(const std::string& client_name, wire::CommandId command,

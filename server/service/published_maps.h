@@ -26,7 +26,7 @@ class PublishedMaps {
   PublishedMaps(const PublishedMaps&) = delete;
   PublishedMaps& operator=(const PublishedMaps&) = delete;
 
-  /// The newest revision of its map.
+  /// Sets the newest revision of its map.
   void show(const MapSnapshotPtr& snapshot);
   void remove(MapId map);
 

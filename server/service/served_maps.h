@@ -38,11 +38,11 @@ struct ResumedMap {
 class ServedMaps {
  public:
   struct Listener {
-    /// A map is about to be shown as the store has kept it.
+    /// Called when a map is about to be shown as the store has kept it.
     std::function<void(ResumedMap& map)> restored;
-    /// It has another revision, which is the entry's by now.
+    /// Called when a map has another revision, which is the entry's by now.
     std::function<void(MapId map, MapEntry& entry, MapRevision revision)> shown;
-    /// It has been deleted, or was never made (then nobody was told of it).
+    /// Called when a map has been deleted, or was never made (then nobody was told of it).
     std::function<void(MapId map, bool was_shown)> gone;
   };
   explicit ServedMaps(const ServiceContext& context)

@@ -56,7 +56,7 @@ class WearerRule {
   };
   void heard(const std::string& client, const Word& word, MonotonicTime now);
   void left(const std::string& client) { cameras_.erase(client); }
-  /// Empty: nobody in particular.
+  /// The wearer of a client's camera; empty: nobody in particular.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
   /// The maps in which a client's query is searched, and which of them first.

@@ -59,7 +59,7 @@ class MappingLoop {
 
   void frame(const Frame& frame);
 
-  /// Null without a map.
+  /// The map maker; null without a map.
   [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
   /// The record of all of the map. Precondition: there is one.
