@@ -137,7 +137,7 @@ bool has_extent(const Words& words) {
   return !words.box.empty() || !words.sphere.empty() || words.margin.has_value();
 }
 
-/// Puts the extent that the words name into a request; nothing where they name none.
+/// Puts the extent that the words name into a request, if they name one.
 void put_extent(const Words& words, json* request) {
   const auto corner = [&](size_t at) { return json{words.box[at], words.box[at + 1], words.box[at + 2]}; };
   if (!words.box.empty()) (*request)["within"] = {{"box", {corner(0), corner(3)}}};
@@ -260,7 +260,7 @@ std::string corner_of(const json& bounds, const char* which) {
   return text;
 }
 
-/// The rules, of all, about growing within bounds in this map.
+/// Those of the rules that limit growth in this map to bounds; rules for all maps are among them.
 json grants_within(const json& rules, const json& map) {
   json grants = json::array();
   for (const json& rule : rules.value("grants", json::array())) {

@@ -35,8 +35,8 @@ class AdminClient {
     nlohmann::json content;
     std::vector<uint8_t> data;
   };
-  /// Sets when to stop: from now on a request ends with an error (kIo) within a second of when `requested` is
-  /// true. It is called by the thread that waits.
+  /// Sets when to stop: from now on a request ends with an error (kIo) within a second after `requested`
+  /// becomes true. It is called by the thread that waits.
   void stop_when(std::function<bool()> requested) { stop_requested_ = std::move(requested); }
 
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.

@@ -23,7 +23,7 @@ using AccessAction = std::function<Status(AdminClient* client, bool as_json)>;
 /// Whether a question was answered with yes, by a person at a terminal. Error kUsage without a terminal: it
 /// names the option that says yes.
 [[nodiscard]] Result<bool> confirmed(const std::string& question);
-/// Asks the person a question, unless `yes`. Error kRefused: it was not confirmed.
+/// Asks the person a question, unless `yes`. Errors: kRefused (it was not confirmed), those of confirmed().
 [[nodiscard]] Status confirm(bool yes, const std::string& question);
 /// The flag for `yes`.
 void add_yes(CLI::App* app, bool* yes);

@@ -32,7 +32,7 @@ class StagingFolder {
   std::filesystem::path path_;
 };
 
-/// A finished file to its place; the one of that name goes. Error kIo: that stays.
+/// Moves a finished file to its place; the one of that name goes. Error kIo: that stays.
 [[nodiscard]] Status leave_file(const std::filesystem::path& finished, const std::filesystem::path& place);
 
 /// The scene in `format` (colmap, colmap-text, ply or all) under `place`, written in `staging` first. What an

@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::string_view kImageStem = "keyframe-";
 
-/// Fewest keyframes that must show a point for it to be exported: what a tracker measured alone is left out,
-/// as others triangulate.
+/// Fewest keyframes in which a point must be measured to be exported: other programs triangulate points,
+/// which one keyframe does not allow.
 constexpr size_t kFewestViews = 2;
 
 /// The parts of a record of which a scene is made, by id.

@@ -17,7 +17,8 @@ namespace {
 constexpr size_t kNameColumns = 24;  ///< wide enough for most names of maps
 constexpr size_t kTextColumns = 32;
 
-/// A text padded to as many columns as a terminal shows, which is not the number of its bytes.
+/// A text ("?" if it is empty) padded to so many columns of a terminal, which are not the same number of
+/// bytes.
 std::string column_of(const std::string& text, size_t columns) {
   return padded(text.empty() ? "?" : text, columns);
 }

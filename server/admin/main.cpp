@@ -273,7 +273,7 @@ Status change_label(AdminClient* client, const Options& options, json request) {
   return {};
 }
 
-/// One map into the folder: the paths that it is left under. `staging` is within the folder.
+/// Exports one map into the folder. Returns the paths under which it is left. `staging` is within the folder.
 Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const Options& options,
                                                       const StagingFolder& staging, const std::string& map) {
   const std::filesystem::path folder = options.folder;

@@ -33,11 +33,11 @@ class RigClient {
 
   /// The state of the rig, as it says now. Error kNoServer.
   [[nodiscard]] Result<wire::RigState> state();
-  /// Carried out by the rig, which has said so. Of `order`, the mode and what belongs to it count. Errors:
-  /// kNoServer, and kRefused with the rig's reason.
+  /// Gives an order, until the rig says that it carries it out. Of `order`, the mode and what belongs to it
+  /// count. Errors: kNoServer, and kRefused with the rig's reason.
   [[nodiscard]] Result<wire::RigState> give(wire::RigCommand order);
-  /// Goes on saying the order that was given, until `is_over` of a state or `asked`. The last state, or
-  /// kNoServer when the rig falls silent.
+  /// Goes on saying the order that was given, until `is_over` of a state or `asked` is true. Returns the last
+  /// state. Error kNoServer: the rig has fallen silent.
   [[nodiscard]] Result<wire::RigState> hold(const std::function<bool(const wire::RigState&)>& is_over,
                                             const Asked& asked);
 

@@ -128,6 +128,7 @@ void print_state(const RigState& state, bool as_json) {
 }
 
 /// Waits after the drives were told to move: until they no longer do, the time is over, or it is interrupted.
+/// Drives that move then are told to be idle.
 Status hold(RigClient* client, RigMode mode, const Words& words) {
   const Interruption interruption;
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(words.seconds);

@@ -64,7 +64,7 @@ Status check_rights(const std::string& text) {
   return rights ? Status() : tl::unexpected(rights.error());
 }
 
-/// Lists all that `verb` lists, page by page.
+/// Names of all parts of the store that the request `verb` lists, page by page.
 Result<std::vector<std::string>> list_parts(AdminClient* client, const char* verb) {
   std::vector<std::string> parts;
   while (true) {
@@ -86,12 +86,12 @@ std::optional<std::string> other_place(const std::string& part) {
   return std::nullopt;
 }
 
-/// Id of the map of a part, wherever that lies in the store.
+/// Id of the map whose file a part is, in whichever folder of the store it lies.
 std::string id_of(const std::string& part) {
   return fs::path(part).stem().string();
 }
 
-/// Downloads a part and adds it to the backup. False: it has been purged meanwhile.
+/// Downloads a part and adds it to the backup. False: it is not there any more (moved, or purged).
 Result<bool> take_part(AdminClient* client, const std::string& part, const fs::path& copy,
                        BackupWriter* writer) {
   const auto got =
@@ -132,7 +132,7 @@ Status check_folder_of(const fs::path& place) {
                                   one_line(folder.string()) + "` makes it");
 }
 
-/// Backs up all of the store, or leaves no file of that name.
+/// Backs up all of the store into a file. If that fails, no file of that name is left.
 Status back_up(AdminClient* client, const std::string& file, bool as_json) {
   const Interruption interruption;
   client->stop_when(Interruption::requested);
@@ -198,7 +198,7 @@ Result<bool> is_secured(const fs::path& store) {
   return since->has_value();
 }
 
-/// How a server is started with what was restored.
+/// Prints how a server is started with what was restored.
 void print_next_step(const fs::path& folder, bool needs_keys) {
   const std::string store = one_line(folder.string());
   if (!needs_keys) {

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// Commands on a store that need no server.
+/// The action of a command that asks no server: on a store in a folder here, or on a backup.
 using LocalAction = std::function<Status(bool as_json)>;
 
 /// The words of `cairnctl backup`, `restore` and `verify`; one of both is what they ask for.

@@ -35,8 +35,8 @@ struct ClientWriters {
 /// Writes an event to its topic.
 [[nodiscard]] Status write(ClientWriters& writers, const ClientEvent& event);
 
-/// A writer to the partition of a client that is turned away: its tracker tells who holds it why it is not
-/// served.
+/// A writer to the partition of a client that is turned away, so that its tracker can tell the person why it
+/// is not served.
 struct Farewell {
   wire::Writer<wire::OfferVerdict> to;
   SessionId told;                            ///< the process that was told last
@@ -55,7 +55,8 @@ struct ClientLink {
   std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
 };
 
-/// Notes by a verdict that a client has keyframes in a map: it is sent the map before its mere readers.
+/// Notes from a verdict in which maps a client has keyframes: of these it is sent revisions before those who
+/// only read them (FeedTurns).
 void note_author(const ClientEvent& verdict, ClientLink* link);
 
 }  // namespace cairn

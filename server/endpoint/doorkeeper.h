@@ -29,7 +29,7 @@ class Doorkeeper {
  public:
   /// Why somebody is turned away, for a person.
   static constexpr const char* kRevoked = "its keys were revoked";
-  /// The same, to who is turned away.
+  /// Notice to a client that is turned away.
   static constexpr const char* kYoursRevoked =
       "an operator has revoked the keys of this device: it is not served any more; ask the operator for new "
       "ones";
@@ -38,7 +38,8 @@ class Doorkeeper {
   Doorkeeper(SiteKeys keys, Logger log, std::shared_ptr<wire::RefusedPeers> refused = nullptr)
       : keys_(std::move(keys)), log_(std::move(log)), refusals_(std::move(refused)) {}
 
-  /// The client or operator of that name, which is in the name of its partition.
+  /// The client or operator of that name, which is in the name of its partition. In a secured site, an
+  /// operator that the register does not know gets the duty to watch, and no other.
   [[nodiscard]] Principal client(std::string name) const;
   [[nodiscard]] Principal operator_of(std::string name);
 
@@ -59,7 +60,8 @@ class Doorkeeper {
   [[nodiscard]] std::set<std::string> clients_turned_away() const {
     return keys_.revoked(IdentityRole::kClient);
   }
-  /// Somebody who is turned away has tried to be served. Why, for the log, if that is to be said (again).
+  /// Notes a try of somebody who is turned away. Returns why he is, for the log, if that is to be said
+  /// (again).
   [[nodiscard]] std::optional<std::string> note_try(IdentityRole role, const std::string& name,
                                                     const std::optional<wire::PeerId>& process,
                                                     MonotonicTime now);

@@ -91,17 +91,19 @@ class Endpoint : private ServiceOutput {
   void connect(const std::string& name, ClientLink* link);
   void disconnect(const std::string& name, ClientLink* link);
   void look_who_is_at_the_door(MonotonicTime now);
-  /// Somebody's keys were revoked, or a name that was has keys again.
+  /// Follows a change of the register: keys were revoked, or a name whose keys were revoked has keys again.
   void look_who_is_turned_away();
-  /// Whether it is; then that goes on record, now and then. `process`: that tries; nothing: not known.
+  /// Whether somebody is turned away; then that goes on record, now and then. `process`: the one that wants
+  /// to be served; nothing: it is not known.
   [[nodiscard]] bool turns_away(IdentityRole role, const Principal& who,
                                 const std::optional<wire::PeerId>& process);
-  /// A client that is turned away is told why: nobody but a process that says who it is.
+  /// Tells a client that is turned away why, but only a process that says who it is.
   void bid_farewell(const std::string& name, const wire::TrackerStateMessage& state);
   void open_wanted_feeds(const std::string& name, ClientLink* link);
   /// The serialized blocks of a map, for all who are sent it.
   [[nodiscard]] std::shared_ptr<SerializedBlocks> blocks_of(MapId map);
-  /// The publication of a sample; null: the sample is not of the client that it claims to be of.
+  /// The publication of a sample; null: it has gone meanwhile, or the sample is not of the client that it
+  /// claims to be of.
   template <typename Message>
   [[nodiscard]] const Publications::Publication* identify(Inlet<Message>* inlet,
                                                           const wire::Sample<Message>& sample);

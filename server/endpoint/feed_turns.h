@@ -45,7 +45,8 @@ class FeedTurns {
  private:
   using Key = std::pair<std::string, MapId>;
 
-  /// Serves feeds in turns, from the one behind the last that was served on, and around.
+  /// Serves the feeds of authors, or those of others, until their share is written. Begins behind the feed
+  /// that was served last, and goes around.
   void serve(const std::vector<Waiting>& waiting, bool authors, Key* last, MonotonicTime now) {
     const Key before = *last;
     size_t left = kBytesPerShare;

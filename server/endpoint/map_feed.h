@@ -31,7 +31,8 @@ class MapFeed {
   [[nodiscard]] Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
   [[nodiscard]] Status hide(MapId map, LabelId label);
 
-  /// Writes what is due, blocks of it until so many bytes are reached; how many were, at least one.
+  /// Writes what is due, blocks of it until so many bytes are reached. Returns how many bytes were written, 1
+  /// at least.
   size_t work(MonotonicTime now, size_t bytes);
   /// When work() should be called next; nothing when there is nothing to send.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const;
@@ -50,7 +51,7 @@ class MapFeed {
   };
   MapFeed(Writers writers, std::shared_ptr<SerializedBlocks> blocks, Logger log)
       : writers_(std::move(writers)), blocks_(std::move(blocks)), log_(std::move(log)) {}
-  /// How large it was.
+  /// Writes a block. Returns how many bytes it has.
   [[nodiscard]] Result<size_t> write_block(const Burst& burst, size_t index);
 
   Writers writers_;

@@ -46,7 +46,7 @@ class Publications {
   std::map<wire::PublicationHandle, Publication> known_;
 };
 
-/// A reader with its publications.
+/// A reader, and the publications that its samples come from.
 template <typename Message>
 struct Inlet {
   wire::Reader<Message> reader;

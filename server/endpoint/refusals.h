@@ -28,7 +28,7 @@ class Refusals {
   void is_let_in(uint64_t participant) { strangers_.is_let_in(participant); }
   void gone(uint64_t participant) { strangers_.gone(participant); }
 
-  /// Peers of whom that is to be said (again).
+  /// Peers of whom it is to be said (again) that they were not let in.
   [[nodiscard]] std::vector<wire::RefusedPeer> take(MonotonicTime now);
 
  private:

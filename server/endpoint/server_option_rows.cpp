@@ -22,7 +22,7 @@ constexpr const char* kSecondsFromZero = "expected a number of seconds from 0 on
 
 using Text = const std::string&;
 
-/// A whole number from `least` to `most` in decimal digits.
+/// Reads a number from `least` to `most`. False, and `value` as it was: the text is none.
 template <typename Number>
 bool read_number(Text text, Number least, Number most, Number* value) {
   Number number{};
@@ -48,7 +48,7 @@ bool read_seconds(Text text, std::chrono::seconds* value) {
   return true;
 }
 
-/// One of two words.
+/// Reads one of two words.
 template <typename Value>
 bool read_choice(Text text, const char* first, Value if_first, const char* second, Value if_second,
                  Value* value) {

@@ -25,7 +25,7 @@ struct ServerOptionRow {
   const char* older_name = nullptr;
 };
 
-/// All options, in the order of --help.
+/// All such options, in the order of --help.
 [[nodiscard]] std::span<const ServerOptionRow> server_option_rows();
 
 }  // namespace cairn

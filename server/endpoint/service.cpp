@@ -31,7 +31,7 @@ struct KeysOfSite {
   std::string authority;  ///< empty: an open site has none
 };
 
-/// Reads the keys of a secured site; before maps are read, which takes time.
+/// Reads the keys of a secured site; none of an open one. Done before maps are read, which takes time.
 Result<KeysOfSite> read_keys(const ServiceOptions& options, const Logger& log) {
   if (options.security.empty()) return KeysOfSite{};
   if (const auto name = wire::secured_name(options.security, "server", ""); !name)

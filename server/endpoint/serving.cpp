@@ -20,7 +20,8 @@ bool is_signalled(const sigset_t& signals) {
 }
 
 /// Starts the same server once more at the present address: clients know it by its store. Its port may be
-/// held for a moment, or the address go again.
+/// held for a moment, or the address go again: it goes on until the server runs or a signal comes (`service`
+/// is null then). Error: the store cannot be used.
 Status begin_anew(const sigset_t& signals, const ServiceOptions& options, std::unique_ptr<Service>* service,
                   const Logger& log) {
   (*service)->close();

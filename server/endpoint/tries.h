@@ -23,8 +23,8 @@ class Tries {
   static constexpr std::chrono::minutes kInterval{1};
   static constexpr double kMostAtOnce = 10;  ///< of each name: who tries may be as many processes as it likes
 
-  /// Notes that `who` has tried. `process` nothing: it is not known. Returns nothing if it is not to be told;
-  /// else how many tries have not been told since the one that was told last.
+  /// Notes a try of `who` to be served. `process`: nothing if it is not known. Returns nothing if the try is
+  /// not to be told; else how many tries have not been told since the one that was told last.
   [[nodiscard]] std::optional<size_t> note(const std::string& who, const std::optional<wire::PeerId>& process,
                                            MonotonicTime now);
 

@@ -38,7 +38,7 @@ class AdminGate {
   };
   [[nodiscard]] Judgement admit(const std::string& operator_name, wire::CommandId command, MonotonicTime now);
   void answered(const std::string& operator_name, wire::AdminReply reply, MonotonicTime now);
-  /// Null when there is none.
+  /// The last answer to a run; null: there is none.
   [[nodiscard]] const wire::AdminReply* last(const Run& run) const;
   [[nodiscard]] bool knows(const Run& run) const { return runs_.contains(run); }
 

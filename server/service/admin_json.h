@@ -14,7 +14,7 @@ namespace cairn {
 class ReplyPage {
  public:
   explicit ReplyPage(std::initializer_list<const char*> lists);
-  /// False: it is full, and so are all lists from then on.
+  /// Adds an item to a list. False: the page is full, and so are all its lists from then on.
   bool add(const char* list, const nlohmann::json& item);
   /// Adds as many items as fit.
   template <typename Item>
@@ -42,7 +42,7 @@ class ReplyPage {
 [[nodiscard]] nlohmann::json describe(const told::BusyMap& map);
 [[nodiscard]] nlohmann::json describe(const told::WholeMap& map);
 [[nodiscard]] nlohmann::json describe(const told::Maps& maps);
-/// One that cannot be used is `damaged`, or `unreadable` when that may pass.
+/// Describes a deleted map. One that cannot be used is `damaged`, or `unreadable` when that may pass.
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
 /// Describes a damaged file with the first few reasons.
 [[nodiscard]] nlohmann::json describe(const told::DamagedSeen& damaged);

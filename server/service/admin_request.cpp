@@ -156,7 +156,8 @@ std::string object_of(const json& request) {
   return object;
 }
 
-/// Parses a request. The result is no object (`null`) where the text is none, or is nested without end.
+/// Parses a request. The result is `null` where the text is no JSON object, or is nested deeper than
+/// kMostNested.
 json parse_request(const std::string& text) {
   bool is_deep = false;
   const auto keep = [&is_deep](int depth, json::parse_event_t, json&) {

@@ -208,7 +208,7 @@ struct OfMap {
 };
 
 struct Unknown {};
-/// A request whose verb is known, but which lacks what the verb takes.
+/// A request whose verb is known, but whose members are not those that the verb takes.
 struct Unfit {
   Error why;
 };

@@ -27,11 +27,11 @@ class Archives {
   void begin_import(const asked::ImportBegin& ask, const AdminAnswer& answer);
   void write(const asked::ImportWrite& piece, std::vector<uint8_t> data, const AdminAnswer& answer);
   void import_map(const asked::Import& ask, const AdminAnswer& answer);
-  /// Beside the store's writer: `copy` makes a file at a path, which the operator can then read by its token.
-  /// Error: there is none.
+  /// Hands out a file to an operator: `copy` makes it at a path, and the operator can then read it by its
+  /// token. To be called beside the store's writer. Error: there is no file.
   [[nodiscard]] Result<told::Copy> hand_out(
       const std::function<Status(const std::filesystem::path& to)>& copy);
-  /// Removes archives that nobody has touched for long.
+  /// Ends transfers, of either direction, that nobody has touched for long (Transfers::kPatience).
   void expire();
 
  private:

@@ -17,11 +17,11 @@ class Capacity {
 
   /// Why there is no room for another map.
   [[nodiscard]] std::string why_full() const;
-  /// Why there is no room for another map that a client makes.
+  /// Why a client may make no more maps: it has made as many as one may.
   [[nodiscard]] std::string why_maker_is_full(const std::string& client) const;
   /// Why there is no room for another keyframe in a map.
   [[nodiscard]] std::string why_map_is_full(const MapEntry& entry) const;
-  /// Why there is no room for growth that first takes so much memory `more` [bytes].
+  /// Why there is no memory for growth that takes `more` [bytes] at first.
   [[nodiscard]] std::string why_memory_is_full(size_t more = 0) const;
   /// Memory that is free [bytes].
   [[nodiscard]] size_t free_bytes() const;

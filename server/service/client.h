@@ -63,7 +63,7 @@ class CameraList {
     TokenBucket announcements{kPerSecond, kAtOnce};
   };
 
-  /// Null: too many processes come one after another.
+  /// The list of a process, a new one if it has none; null: too many processes come one after another.
   [[nodiscard]] Process* let_in(wire::PeerId process, MonotonicTime now);
 
   std::deque<Process> processes_;                     ///< in the order of their first announcement

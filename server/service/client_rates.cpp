@@ -18,7 +18,7 @@ constexpr double kSeedsAtOnce = 30;
 // A person with a viewer; a list of labels that is read from a file.
 constexpr double kRequests = 20;
 constexpr double kRequestsAtOnce = 1000;
-/// Refusals that are told per second, of all kinds together, and at once.
+/// Most refusals that a client is told a second in the long run, and at once; all kinds together.
 constexpr double kRefusals = 10;
 constexpr double kRefusalsAtOnce = 20;
 

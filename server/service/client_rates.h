@@ -29,7 +29,7 @@ class ClientRates {
 
   /// `lockstep`: a replay does not go by this clock, and the service says itself where it serves none.
   [[nodiscard]] Judgement judge(Kind kind, MonotonicTime now, bool lockstep = false);
-  /// For a person, of what is refused.
+  /// Why what is beyond the limit is refused, for a person.
   [[nodiscard]] std::string why(Kind kind) const;
 
  private:

@@ -39,8 +39,9 @@ class Clients {
   [[nodiscard]] std::map<std::string, Client>& all() { return clients_; }
   [[nodiscard]] const std::map<std::string, Client>& all() const { return clients_; }
 
-  /// Notes that a client listens, and tells it what there is; and that it does so no more.
+  /// Notes that a client listens: it is told its verdicts, then the listener is called.
   void connect(const Principal& who);
+  /// Notes that a client listens no more.
   void disconnect(const Principal& who);
   /// Sets the names of all clients whose keys were revoked: what they have offered and nothing has judged yet
   /// is not taken any more.
@@ -54,7 +55,8 @@ class Clients {
   /// Takes over what was decided before the server started: a client that sends a command again is answered.
   void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
-  /// Tells a client an event if it is connected. What cannot be told is logged, now and then.
+  /// Tells a client an event if it is connected; MapUnlisted also if it is not, since its readers of maps may
+  /// still be there. What cannot be told is logged, now and then.
   void tell(const Client& client, const ClientEvent& event) { (void)try_to_tell(client, event); }
   /// tell() for callers that have to know whether it was told.
   [[nodiscard]] Status try_to_tell(const Client& client, const ClientEvent& event);
@@ -62,7 +64,7 @@ class Clients {
   /// has replaced them.
   void tell_status(const wire::ServerStatus& status);
   void write_verdicts(Client& client);
-  /// Size of what all clients have offered that no map has judged yet.
+  /// Bytes of all that clients have offered and that has not been judged yet.
   [[nodiscard]] const WaitingBytes& waiting_bytes() const { return waiting_bytes_; }
 
  private:
@@ -79,9 +81,9 @@ class Clients {
   RateLimit output_trouble_;
 };
 
-/// To a process that an operator has ended.
+/// Notice to a process that an operator has ended.
 inline constexpr const char* kKicked = "an operator has ended this; start the tracker again to go on";
-/// To a process that asks for lockstep where there is none.
+/// Notice to a process that asks for lockstep where there is none.
 inline constexpr const char* kNoLockstep =
     "this server does not work in lockstep, since that holds up all others; leave out --pace lockstep, or "
     "start cairn-server with --lockstep allow";

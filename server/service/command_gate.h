@@ -56,7 +56,7 @@ class CommandGate {
   /// Whether `seq`, before which something is missing, is the lowest that the client sends, again and again:
   /// what lies before it has been decided then, whatever is known of that here.
   [[nodiscard]] bool is_lowest_wanted(uint64_t seq);
-  /// Takes in decisions that were ahead of others and are no longer.
+  /// Moves decisions to the recent ones that were ahead of others and are no longer.
   void close_ranks();
 
   SessionId session_;
@@ -73,7 +73,7 @@ class CommandGate {
 using OfferGate = CommandGate<wire::OfferVerdict>;
 using RequestGate = CommandGate<wire::ClientReply>;
 
-/// The same for seeds, of which a client has one at a time and a later one supersedes. Pure.
+/// The gate for seeds, of which a client has one at a time: a later one supersedes it. Pure.
 class SeedGate {
  public:
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };

@@ -13,7 +13,7 @@ size_t image_bytes(const wire::MapSeed& message) {
   return message.first_image.bytes.size() + message.second_image.bytes.size();
 }
 
-/// A job of the map's queue, with what seeds and offers have in common.
+/// A job for the map's queue, with those members set that seeds and offers have in common.
 template <typename Job, typename Message>
 Job begun_job(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
               const Message& message) {
@@ -144,7 +144,8 @@ void Commands::on_seed_judged(const std::string& client_name, const wire::SeedVe
   let_maker_write(client_name, verdict.map, settle);
 }
 
-/// Comes before the verdict, so that none of the maker's keyframes is refused for want of the right.
+/// Lets the maker of a map write in it, then calls `then`. This comes before the verdict, so that none of the
+/// maker's keyframes is refused for want of the right.
 void Commands::let_maker_write(const std::string& client_name, MapId map, const std::function<void()>& then) {
   const Client* client = clients_.find(client_name);
   const MapEntry* entry = maps_.array().find(map);

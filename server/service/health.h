@@ -13,7 +13,7 @@ namespace cairn {
 
 /// Says how many damaged files lie in a folder, and the remedy. Empty when none does.
 [[nodiscard]] std::string word_of_damage(size_t files, const std::filesystem::path& folder);
-/// The first of them, and the remedy. Empty when there is none.
+/// Says how many maps are not served, why the first of them is not, and the remedy. Empty when there is none.
 [[nodiscard]] std::string word_of_unloaded(std::span<const UnloadedMap> maps);
 
 /// Whether all is well with the server, and what is not: the store, the rights, the maps that were damaged,
@@ -24,16 +24,16 @@ class Health {
   Health(const Health&) = delete;
   Health& operator=(const Health&) = delete;
 
-  /// "ok", or what is wrong, each with its remedy.
+  /// "ok", or what is wrong, with a remedy where one is known.
   [[nodiscard]] std::string words() const;
   /// Files that have been set aside, and maps that could not be loaded, as they were when last looked for.
   [[nodiscard]] const std::vector<DamagedFile>& damaged() const { return damaged_; }
   [[nodiscard]] const std::vector<UnloadedMap>& unloaded() const { return unloaded_; }
-  /// Notes damaged and unloaded files that somebody has just looked for.
+  /// Takes over the damaged files and the unloaded maps that somebody has just looked for.
   void note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unloaded);
-  /// Looks for them again, beside the store's writer: an operator may have taken something away.
+  /// Looks for both again, beside the store's writer: an operator may have taken something away.
   void look_again();
-  /// Notes that all maps of the store have been read.
+  /// Takes over the unloaded maps. To be called when all maps of the store have been read.
   void note_restored();
 
  private:

@@ -21,7 +21,8 @@ class HeldStrand : public std::enable_shared_from_this<HeldStrand> {
   void submit(Task task);
   /// Calls `then` on the executor, in its turn.
   void hold(std::function<void(Hold hold)> then);
-  /// Submits a task of who has the hold: it runs at once, or behind what that one has submitted before.
+  /// Submits a task of the one who has the hold. It waits for no task of the strand, only for what was
+  /// submitted within the hold before.
   void submit_within(const Hold& hold, Task task);
   /// Stops the strand, as Executor::stop() stops an executor.
   void stop();

@@ -198,7 +198,8 @@ class KeptMap {
     return folder_ / "maps" / (to_hex(id().bytes) + ".cairnmap");
   }
 
-  /// Restores the map, as a server does that ends and starts again. With a store of its own.
+  /// Ends the map and restores it, as a server does that ends and starts again. Precondition: it has a store
+  /// of its own.
   void restart() {
     end_work();
     runner_->save_last_changes();
@@ -212,7 +213,7 @@ class KeptMap {
     set([&] { newest_ = std::move(first); });
     runner_->go_on();
   }
-  /// It keeps its last changes and lets go of the store.
+  /// Ends the map: its last changes are kept, and the store is let go.
   void end() {
     end_work();
     runner_->save_last_changes();

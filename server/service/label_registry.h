@@ -45,7 +45,7 @@ class LabelRegistry {
   /// A judgement of kDone must be settled; of others nothing follows.
   [[nodiscard]] Judgement judge(const wire::ClientRequest& request, const std::string& author, Timestamp now,
                                 const MapSnapshot& map);
-  /// What was judged has been kept and takes effect, or it has not and is forgotten.
+  /// Ends what judge() began: a change that has been kept takes effect, another is forgotten.
   void settle(const Judgement& judgement, bool kept, const MapSnapshot& map);
 
   /// Moves the labels with their keyframes.

@@ -15,8 +15,8 @@ std::string why_not_allowed(const Ruling& ruling, const wire::ClientRequest& req
   return !label || label->author == author.name ? std::string() : ruling.reason;
 }
 
-/// Position in the map of the label that a request is about, as it is or is to be; nothing if it cannot be
-/// told, for which the request is refused.
+/// Position in the map of the label that a request is about, as it is or is to be. Nothing if it cannot be
+/// told: LabelRegistry::judge() refuses the request for that.
 std::optional<Eigen::Vector3d> place_of(const wire::ClientRequest& request, const MapEntry& entry) {
   if (request.action != wire::RequestAction::kAddLabel) {
     const std::optional<Label> label = entry.labels.find(request.label);

@@ -23,8 +23,8 @@ class Labels {
 
   /// Takes a request of the process that holds the client's name; those of others are passed over.
   void take(const Principal& who, const wire::ClientRequest& request);
-  /// Adds, renames or removes a label; `done` is called when it is durable or refused. Precondition: the
-  /// label is not busy. `decision`: kept along with it.
+  /// Adds, renames or removes a label. `done` is called when the change is durable or refused; without a
+  /// store, at once. Precondition: the label is not busy. `decision`: kept along with the change.
   void change(const wire::ClientRequest& request, const Principal& author,
               std::optional<DecisionRecord> decision, const Done& done);
   /// Tells all who read the map a label as it is now, or that it is gone.

@@ -41,8 +41,9 @@ class MapAdministration {
   void drop_dead(MonotonicTime now);
   /// Purges what was deleted long ago. With a store only.
   void purge_old();
-  /// Puts a map into service that has just come (back) into the store; beside the writer. `undo` takes it out
-  /// again if it cannot be served, or not be called as it must.
+  /// Puts a map into service that has just come (back) into the store. To be called beside the writer
+  /// (run_on_strand()). `undo` takes the map out again if it cannot be served, or if a name that it needs
+  /// cannot be kept.
   void take_in(MapId id, MapOpening::Undo undo, const AdminAnswer& answer);
 
  private:

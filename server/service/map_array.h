@@ -26,7 +26,7 @@ class OfferTimes {
  public:
   void note(std::chrono::nanoseconds wait, bool accepted);
   [[nodiscard]] uint64_t accepted() const { return accepted_; }  ///< since the map is served
-  /// A quantile of the last waits [ms]; nothing where there were none.
+  /// A quantile (0 to 1) of the last waits [ms]; nothing where there were none.
   [[nodiscard]] std::optional<double> wait_ms(double quantile) const;
 
  private:
@@ -35,7 +35,7 @@ class OfferTimes {
   uint64_t accepted_ = 0;
 };
 
-/// One map of the server as its I/O thread sees it. What MapArray sums up (name, snapshot, statistics,
+/// One map of the server as the service's thread sees it. What MapArray sums up (name, snapshot, statistics,
 /// offers_in_work, name_to_be) is changed by its methods only.
 struct MapEntry {
   std::string name;
@@ -66,10 +66,11 @@ inline constexpr const char* kRollingBack = "another state of the map is about t
 /// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);
 
-/// Memory [bytes] that an offer to a map adds before its own: the map's images, while it is idle.
+/// Memory [bytes] that an offer to an idle map takes beside that of its keyframe: the evicted images are
+/// paged in for it. 0 while an offer is in work already, since bytes_of() counts them then.
 [[nodiscard]] size_t bytes_to_page_in(const MapEntry& entry);
 
-/// Whether the map's images have been evicted.
+/// Whether images of the map are evicted.
 [[nodiscard]] bool is_idle(const MapEntry& entry);
 
 /// The maps by id. Used from one thread.
@@ -81,7 +82,7 @@ class MapArray {
   [[nodiscard]] MapIds& ids() { return ids_; }
   [[nodiscard]] const MapNames& names() const { return names_; }
 
-  /// Adds a map, in place of the one that has the id.
+  /// Adds a map, in place of one that has the id.
   MapEntry& add(MapId map, MapEntry entry);
   /// Removes a map. The id of one that has been shown is not given to another.
   void remove(MapId map);
@@ -96,7 +97,7 @@ class MapArray {
   void end_renaming(MapEntry* entry, bool kept);
   [[nodiscard]] MapEntry* find(MapId map);
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
-  /// Number of maps that have been made.
+  /// Number of maps that have been shown; those whose seed is being decided are not among them.
   [[nodiscard]] size_t live_count() const;
   [[nodiscard]] size_t idle_count() const;
   /// Memory of all maps, as they were last published. Costs nothing.
@@ -116,7 +117,7 @@ class MapArray {
   size_t bytes_ = 0;  ///< bytes_of() all entries
 };
 
-/// One that has been shown, by its name or id. Null: there is none.
+/// Finds a map that has been shown, by its name or id. Null: there is none.
 [[nodiscard]] std::pair<MapId, MapEntry*> find_called(MapArray& maps, const std::string& name_or_id);
 
 /// The message that a client with this right gets about a map that has been made.

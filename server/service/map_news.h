@@ -19,12 +19,12 @@ class MapNews {
   MapNews(const MapNews&) = delete;
   MapNews& operator=(const MapNews&) = delete;
 
-  /// Tells a client that has just come of all maps.
+  /// Tells a client that has just come of all maps that it may read.
   void tell_newcomer(Client& client);
-  /// Tells all clients what the map is called, and so on.
+  /// Tells all connected clients that may read the map what it is called, and so on (MapInfo).
   void tell(MapId map, const MapEntry& entry);
-  /// Notes that the map has another revision: what is told of it follows soon; of cameras before the revision
-  /// that names them.
+  /// Notes that the map has another revision. Of its cameras clients are told at once, before the revision
+  /// that names them; of the map itself with the next tell_due().
   void note_revised(MapId map, const MapEntry& entry);
   /// Tells all clients that the map is not there any more.
   void tell_gone(MapId map);

@@ -13,9 +13,9 @@ namespace cairn {
 namespace {
 
 constexpr size_t kDeletedRemembered = 64;  ///< maps
-/// Number of decisions that are remembered of each deleted map: as many as all clients may have in flight. A
-/// client knows what came of commands before these; if it does not, it is told that the map is not there. A
-/// seed, which would be made again, is among these.
+/// Number of the last decisions that are remembered of each deleted map: as many as all clients may have in
+/// flight. A client knows what came of commands before these; if it does not, it is told that the map is not
+/// there. The decision on the seed, which would be made again, is remembered besides.
 constexpr int64_t kDecisionsRemembered = 2 * kMaxClients * OfferGate::kCredit;
 static_assert(OfferGate::kCredit == RequestGate::kCredit);
 

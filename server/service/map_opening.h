@@ -45,7 +45,7 @@ struct RestoredMap {
 /// loaded is set aside or left alone, and named. Thread-safe.
 class MapOpening {
  public:
-  /// Store, threads and log that it works with; all outlive it.
+  /// Store, writer, strand and log that it works with; all outlive it.
   struct With {
     Store& store;
     std::function<void(std::function<void(Store& store)> task)> run;  ///< in the writer's turn
@@ -79,7 +79,8 @@ class MapOpening {
   using Undo = Status (Store::*)(MapId map);
   void restore_one(MapId map, const OpeningOptions& options, RestoredImages images, Undo undo,
                    std::function<void(Result<RestoredMap>)> done);
-  /// Takes a map back that was loaded and cannot be served after all, for this reason: by the writer.
+  /// Takes a map back that cannot be served, for this reason: `undo` puts it where it was; if that fails, the
+  /// map is left alone. To be called by the writer.
   void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
 
   /// Puts another state in place of a map's, which hands in nothing meanwhile. `change` does so beside the

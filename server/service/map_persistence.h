@@ -36,12 +36,12 @@ class MapPersistence {
  public:
   /// Called by the writer when the update is durable, or with the reason why it is not.
   using Done = std::function<void(Status)>;
-  /// Changes that no answer waits for are saved after this time at the latest (5 s). While nothing can be
-  /// kept, the store is tried again as often.
+  /// Changes that no answer waits for are handed in after this time. While nothing can be kept, the store is
+  /// tested as often.
   static constexpr std::chrono::seconds kSaveDelay{2};
   static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
-  /// Clock, threads and strand that the persistence works with. The clock is that of the turns.
+  /// Clock, writer and executors that the persistence works with. The clock is that of the writer's turns.
   struct Runtime {
     std::shared_ptr<const Clock> clock;
     std::unique_ptr<Turns> writer;
@@ -73,11 +73,12 @@ class MapPersistence {
   void write(MapId map, MapUpdate update, Done done);
   /// Anything else to be done with the store, in its turn. A task that throws is logged and ends alone.
   void run(std::function<void(Store& store)> task);
-  /// Runs a task that takes seconds and leaves open maps alone (archives, deleted maps), one after another,
-  /// while maps are being written; dropped at the end.
+  /// Runs a task that takes seconds and leaves open maps alone (archives, deleted maps), beside the writer.
+  /// Such tasks run one after another, while maps are being written. Dropped at the end.
   void run_on_strand(std::function<void(Store& store)> task);
-  /// Waits for all tasks of the strand: `then` is called by its thread, and nothing else begins there while
-  /// its `place` lives. For work for which a map is stopped: it is stopped after the wait.
+  /// Calls `then` on the strand's thread, behind all tasks that wait there. Nothing else begins there while
+  /// its `place` lives. Returns at once. For work for which a map is stopped: the map goes on until `then` is
+  /// called.
   void hold_strand(std::function<void(HeldStrand::Hold place)> then);
   /// Runs a task that takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the
   /// end.
@@ -109,7 +110,7 @@ class MapPersistence {
   };
   MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Logger log);
   void post(Job job);
-  /// One turn of the writer; when the next is due.
+  /// Takes one turn of the writer. Returns when the next is due.
   [[nodiscard]] std::optional<MonotonicTime> work();
   void run_due(MonotonicTime now);
   void carry_out();

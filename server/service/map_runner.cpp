@@ -197,7 +197,8 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   queue_.post(std::move(take), Urgency::kUrgent);
 }
 
-/// One after the other: each was tracked on what the one before it brought, whose points come first.
+/// Takes the offers of a chain one after another: each was tracked on what the one before it brought, and the
+/// points of that are made first.
 void MapRunner::take_next_of_chain() {
   finish_all_work(kStepsOnly, [self = shared_from_this()] {
     WaitingOffer next = std::move(self->chained_.front());
@@ -243,8 +244,8 @@ OfferJudgement MapRunner::ended() const {
   return {wire::OfferDecision::kStale, "another state of the map has taken its place", {}, {}};
 }
 
-/// Refers an offer that was tracked while the client was cut off to a keyframe of the map, by the frame
-/// before it. False if that frame is not in the map.
+/// Refers an offer to a keyframe of the map. It was tracked while its client was cut off, and its pose is
+/// relative to the frame of an earlier offer. False if nothing is known of that one.
 bool MapRunner::refer_to_earlier(OfferJob* job) const {
   const OfferChain::Link* link =
       chain_.find(job->origin.client, job->origin.command.session, job->reference_command);

@@ -139,7 +139,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// Evicts the images when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// images the place index has; else nothing happens. With a store only. Does not wait.
   void evict_images(std::pair<Epoch, Revision> indexed);
-  /// Takes measures of the map as it is; `done` gets them.
+  /// Takes measures of the map as it is; `done` gets them on the queue.
   void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
   void rename(std::string name, std::function<void(Status kept)> done);
@@ -176,7 +176,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void adjust_globally(Executor* executor, std::function<void(bool adopted)> then);
   // Images evicted and paged in (map_paging.cpp).
   [[nodiscard]] bool may_evict(const std::pair<Epoch, Revision>& indexed) const;
-  /// Whether the next step of its work needs images that have been evicted.
+  /// Whether the next step of the map's work needs images that have been evicted.
   [[nodiscard]] bool needs_images() const;
   /// Pages in evicted images, then calls `then` on the queue, whatever has happened: when they can never be
   /// had, the map is frozen. What may pass (a busy disk, no memory) is waited for. An exception: nothing has
@@ -184,7 +184,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void page_in(std::function<void()> then);
   using Continuations = std::shared_ptr<std::vector<std::function<void()>>>;
   using ImageRows = Result<std::vector<ImageRow>>;
-  /// Runs a part of page_in(); unless it says that another one is under way, it was the last.
+  /// Runs a part of page_in(). True from `part`: another part is under way; else this was the last one.
   void read_on(const Continuations& waiting, const std::function<bool()>& part);
   [[nodiscard]] bool read_next_images(const Continuations& waiting);
   /// Pages in the images of rows[next] and later ones.

@@ -32,7 +32,7 @@ class MapService {
   void stop();
   /// Hands what has changed in all maps to the store. After stop(), when the executors have ended.
   void save_last_changes();
-  /// Does what is due by time; next_tick() says when the next is.
+  /// Does what is due by time; next_tick() says when to call it next.
   void tick(MonotonicTime now);
   [[nodiscard]] MonotonicTime next_tick() const { return next_tick_; }
 

@@ -31,8 +31,8 @@ Status check_name(const char* what, const std::string& name) {
   return fail(ErrorCode::kUsage, std::string(what) + " '" + name + "': expected 1 to 32 of a-z, 0-9 and -");
 }
 
-/// Whether a map is so full of removed items that it is to be compacted. That is told by what is published:
-/// what was removed keeps its slot.
+/// Whether a map is to be compacted: its places for points or for keyframes are nearly taken, many of them by
+/// removed items (is_crowded()). What is published tells that, as removed items keep their slots.
 bool wants_compaction(const MapSnapshot& map, const MapMakerOptions& options) {
   const auto made = [](const auto& blocks, size_t last) {
     return blocks.empty() ? 0 : (blocks.size() - 1) * kBlockSlots + last;
@@ -57,10 +57,10 @@ told::Contributors contributors_of(const MapSnapshot& map, std::span<const Contr
   return all;
 }
 
-/// The map can be stopped now.
+/// Called on the service's thread when the map can be stopped; the strand is held while `place` lives.
 using Stoppable = std::function<void(MapEntry* entry, const HeldStrand::Hold& place)>;
-/// Calls `then` when the map can be stopped. What others have going on beside the writer, an archive or a
-/// backup, is waited for with the map at work.
+/// Calls `then` when the map can be stopped, or answers why not. The map goes on with its work while an
+/// archive or a backup, which others have under way beside the writer, is waited for.
 void when_stoppable(const ServiceContext& context, ServedMaps& maps, MapId id, const AdminAnswer& answer,
                     Stoppable then) {
   context.store->hold_strand(

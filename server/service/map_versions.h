@@ -50,14 +50,15 @@ class MapVersions {
   [[nodiscard]] MapTag tag_now(const Meant& map, const std::string& name) const;
   /// Why there is no room for what was tagged; empty where there is.
   [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;
-  /// Changes a map's file to another state, from which it is served in a new epoch, or nothing has happened.
+  /// Changes a map's file to another state, which is served in a new epoch then. On an error nothing has
+  /// changed. Called beside the writer.
   using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
   void change_state(MapId id, ChangeOfState change, const AdminAnswer& answer);
   void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldStrand::Hold place,
                              const AdminAnswer& answer);
   void replace(ResumedMap map, const AdminAnswer& answer);
-  /// Whether nobody is in the map, and nothing has come for it for so long that nobody has kept something for
-  /// it.
+  /// Whether nobody is in the map, and it has neither changed nor been offered a keyframe for so long
+  /// (MapServiceOptions::compact_after) that no client is likely to keep an offer for it.
   [[nodiscard]] bool is_unused(MapId id, const MapEntry& entry) const;
   void compact(MapId id, const std::string& name);
 

@@ -24,9 +24,9 @@ class OfferChain {
     SE3 camera_from_keyframe;
   };
 
-  /// Notes that the offer has become this keyframe, or was seen from there and not taken.
+  /// Notes where the frame of an offer is: it has become the keyframe of the link, or is relative to it.
   void put(const std::string& client, SessionId session, uint64_t command, const Link& link);
-  /// The link of an offer; null: the map knows nothing of the offer, or it was damaged.
+  /// The link of an offer; null: nothing is known of it, or not any more.
   [[nodiscard]] const Link* find(const std::string& client, SessionId session, uint64_t command) const;
 
  private:

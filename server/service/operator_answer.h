@@ -94,7 +94,7 @@ struct OverlapSeen {
   size_t its_keyframes = 0;
   Timestamp found;
 };
-/// A map, as lists show it.
+/// A map: its name, its size and its state.
 struct Map {
   MapId id;
   std::string name;

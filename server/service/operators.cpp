@@ -68,7 +68,7 @@ void Operators::take(const Principal& who, const wire::AdminRequest& message) {
   }
 }
 
-/// Refuses a request for now. That is not logged: there may be many.
+/// Refuses a request that may be asked again later. That is not logged: there may be many.
 void Operators::refuse_for_now(const std::string& operator_name, wire::CommandId command,
                                const std::string& why) {
   wire::AdminReply reply = reply_of(refusal(ErrorCode::kRefused, why));

@@ -22,7 +22,7 @@ namespace cairn {
 /// may, and answered whatever happens; what changes something is on record. Used from the service's thread.
 class Operators {
  public:
-  /// Who carries them out.
+  /// The components that carry them out.
   struct Desks {
     Overview& overview;
     Sessions& sessions;
@@ -45,7 +45,7 @@ class Operators {
  private:
   class Ticket;
   void refuse_for_now(const std::string& operator_name, wire::CommandId command, const std::string& why);
-  /// The last answer to this operator, once more.
+  /// Writes the last answer to this operator once more.
   void repeat_answer(const std::string& operator_name, wire::CommandId command);
   void carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& tell);
   void pass_on(const Principal& who, const AskedOfServer& asks, const std::vector<uint8_t>& data,

@@ -13,11 +13,11 @@ namespace cairn {
 /// once is not taken back. Used from one thread.
 class OverlapList {
  public:
-  /// A map that overlaps with another one.
+  /// A map that overlaps with the one that was asked about.
   struct Neighbour {
     MapId map;
-    size_t keyframes = 0;      ///< of the one that show the other, the most there have been
-    size_t its_keyframes = 0;  ///< the other way round
+    size_t keyframes = 0;      ///< of the map asked about that show this one, the most there have been
+    size_t its_keyframes = 0;  ///< of this one that show the map asked about
     Timestamp found;
   };
 
@@ -27,7 +27,7 @@ class OverlapList {
   /// Forgets a map that is gone for good.
   void forget(const MapId& map);
 
-  /// Maps that overlap with this one, those with most keyframes first.
+  /// Maps that overlap with this one, by how many keyframes of both show the other map, the most first.
   [[nodiscard]] std::vector<Neighbour> of(const MapId& map) const;
   [[nodiscard]] std::vector<OverlapRecord> all() const;
   /// Whether all() has changed since this was last called.

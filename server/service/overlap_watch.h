@@ -39,7 +39,7 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   /// The keyframe of the map that has waited longest, if one does, with the detector brought up to date.
   [[nodiscard]] std::optional<KeyframeView> take_waiting(const MapId& map);
   void check(const MapId& map);
-  /// False: there is no other map.
+  /// Looks for a keyframe in the other maps. False: there is none.
   bool look_up(const MapId& map, const KeyframeView& keyframe);
 
   Executor& executor_;

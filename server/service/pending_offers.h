@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// Memory [bytes] of all offers that wait.
+/// Memory [bytes] of the images of all offers that wait, of all clients.
 using WaitingBytes = std::shared_ptr<std::atomic<size_t>>;
 
 /// Something that a client has offered and nobody has decided yet; held by what waits for that.
@@ -26,7 +26,7 @@ class PendingOffer {
   PendingOffer& operator=(const PendingOffer&) = delete;
 
   void withdraw() { withdrawn_ = true; }
-  /// Its client may not offer it any more. Thread-safe.
+  /// Whether it was withdrawn: its client may not offer it any more. Thread-safe.
   [[nodiscard]] bool is_withdrawn() const { return withdrawn_; }
 
  private:

@@ -12,8 +12,8 @@
 namespace cairn {
 namespace {
 
-/// Describes an answer for the log: the candidate answered or, where none is believed, the one that came
-/// nearest to it.
+/// Describes an answer for the log: the candidate answered or, where none is believed, the one with the most
+/// inliers.
 std::string describe(const RelocalizationAnswer& answer) {
   if (answer.candidates.empty()) return answer.reason;
   const PlaceCandidate& best =
@@ -27,7 +27,8 @@ std::string describe(const RelocalizationAnswer& answer) {
       answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
 }
 
-/// Removes from an answer candidates that are not of these maps.
+/// Removes from an answer candidates that are not of these maps. If any is removed, and no confirmed place is
+/// left, the answer says that the client is to ask again.
 void leave_out_others(const MapSet& maps, RelocalizationAnswer* answer) {
   const size_t found = answer->candidates.size();
   std::erase_if(answer->candidates, [&](const PlaceCandidate& place) { return !maps.contains(place.map); });

@@ -12,8 +12,8 @@
 
 namespace cairn {
 
-/// Answers where a client is: takes its queries to the place index and the answers back, and keeps which maps
-/// show the same place. Used from the service's thread.
+/// Answers clients' queries about where they are, by the place index on the executor of queries, and keeps a
+/// list of maps that show the same place. Used from the service's thread.
 class Places {
  public:
   Places(const ServiceContext& context, Clients& clients, Sessions& sessions, const ServedMaps& maps);
@@ -39,10 +39,10 @@ class Places {
  private:
   void watch_for_overlaps();
   void on_overlap(const Overlap& overlap);
-  /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
+  /// The camera to look for a place with: a camera that is announced as a guess may be known by a map.
   [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
                                      const AnnouncedCamera& announced) const;
-  /// On a worker of the queries.
+  /// Decodes a query and asks the runner. Called on a worker of the queries.
   void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
                const WearerRule::Search& search);
   void on_answered(const std::string& client_name, wire::CommandId command,

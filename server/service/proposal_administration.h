@@ -34,7 +34,7 @@ class ProposalAdministration {
     MapId map;
     uint64_t number = 0;
   };
-  /// Nothing: it has been answered that there is none.
+  /// The proposal of that id; nothing: it has been answered that there is none.
   [[nodiscard]] std::optional<Named> find(const std::string& id, const AdminAnswer& answer) const;
   /// If it can be read, `use` is called on the service's thread; if not, that is the answer.
   void read(const Named& which, const AdminAnswer& answer, std::function<void(KeptProposal kept)> use);

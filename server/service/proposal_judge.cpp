@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kMostPoints = 2000;  ///< looked for in an image
 constexpr size_t kLeastFound = 20;    ///< as the map maker asks of a keyframe
 
-/// Pose of the frame in the map; nothing if the keyframe that it is relative to has gone.
+/// Pose of the frame (camera_from_map); nothing if the keyframe that it is relative to has gone.
 std::optional<SE3> pose_in(const MapSnapshot& map, KeyframeId reference, const SE3& camera_from_reference) {
   const KeyframePose* keyframe = map.find(reference);
   if (keyframe == nullptr) return std::nullopt;

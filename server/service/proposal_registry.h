@@ -50,7 +50,7 @@ class ProposalRegistry {
   };
   /// Takes in a proposal that is about to be kept.
   [[nodiscard]] Room add(MapId map, ProposalSummary proposal);
-  /// Takes a proposal back that could not be kept: those that went for it are there again.
+  /// Takes a proposal back that is not kept after all: those that went for it are there again.
   void take_back(MapId map, const Room& room);
   void remove(MapId map, uint64_t number);
   /// Numbers of proposals that have been kept long enough, by map.

@@ -13,7 +13,7 @@
 /// rule.
 namespace cairn {
 
-/// Refusal of offers where nothing is kept aside.
+/// Refusal of proposals where none are taken.
 inline constexpr const char* kNoProposals = "no proposals are taken in this map";
 
 /// Whether keyframes of a client are kept aside where it may not add them.

@@ -13,7 +13,7 @@
 namespace cairn {
 
 /// Proposals: keyframes of clients that may not add them, kept aside until an operator decides. They are
-/// looked at in the executor that stands back for all others, on what is published of the map; the map's
+/// judged by what is published of the map, on the idle executor (in lockstep on the urgent one); the map's
 /// queue hears of one when an operator accepts it. Used from the service's thread.
 class Proposals {
  public:
@@ -24,8 +24,8 @@ class Proposals {
   Proposals(const Proposals&) = delete;
   Proposals& operator=(const Proposals&) = delete;
 
-  /// An offer of a client, with why it is one: `decided` is called when it is kept aside or refused. With a
-  /// store only.
+  /// Takes an offer of a client as a proposal. `why`: why it is no more than that. `decided` is called when
+  /// the proposal is kept aside or refused. With a store only.
   void propose(Client& client, const MapEntry& entry, wire::KeyframeOffer offer,
                const AnnouncedCamera& camera, std::string why, Decided decided);
   /// Drops proposals that nobody has decided on for long. With a store only.
@@ -45,13 +45,13 @@ class Proposals {
       const Client& client, const wire::KeyframeOffer& offer, const AnnouncedCamera& camera,
       const std::string& why);
   void on_judged(Offered offered, ProposalJudgement judged);
-  /// Why one that could be kept is not; nothing: it is.
+  /// Why a proposal that was judged well is not kept; nothing: it is.
   [[nodiscard]] std::optional<std::pair<wire::OfferDecision, std::string>> refuse_judged(
       const Offered& offered, const ProposalSummary& summary);
   void keep(Offered offered, KeptProposal kept);
   void on_kept(Offered offered, const std::string& client_name, const ProposalRegistry::Room& room,
                const Status& written);
-  /// The map is not being rolled back.
+  /// Removes proposals from registry and store. Precondition: the map is not being rolled back.
   void remove(MapId map, const std::vector<uint64_t>& numbers);
 
   const ServiceContext& context_;

@@ -26,14 +26,14 @@ class PublishedMaps {
   PublishedMaps(const PublishedMaps&) = delete;
   PublishedMaps& operator=(const PublishedMaps&) = delete;
 
-  /// The newest revision of its map.
+  /// Sets the newest revision of its map.
   void show(const MapSnapshotPtr& snapshot);
   void remove(MapId map);
 
   /// The newest revision of each, by id. Thread-safe.
   [[nodiscard]] std::vector<MapSnapshotPtr> all() const;
-  /// The newest revision of a map for a client that follows it; nothing where there is no such map for it
-  /// (yet).
+  /// The newest revision and the labels of a map for somebody who begins to follow it; nothing where there is
+  /// no such map for him (yet).
   [[nodiscard]] std::optional<FollowedMap> follow(const Principal& who, MapId map) const;
   /// The maps in which somebody may find himself.
   [[nodiscard]] MapSet readable_by(const Principal& who) const;

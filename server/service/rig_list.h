@@ -21,10 +21,10 @@ class RigList {
   static constexpr std::chrono::minutes kForgotten{10};  ///< then it is not told any more
   static constexpr size_t kMost = 64;                    ///< at a time; anybody may say to be a rig
 
-  /// Lines for the record: orders, with who gave them and whether they were refused, emergency stops, and
-  /// what keeps the rig from moving. None where nothing has changed.
+  /// Takes a state of a rig. Returns lines for the record: orders, with who gave them and whether they were
+  /// refused, emergency stops, and what keeps the rig from moving. None where nothing has changed.
   [[nodiscard]] std::vector<std::string> heard(const wire::RigState& state, MonotonicTime now);
-  /// Likewise, of those that have fallen silent.
+  /// Returns lines for the record on rigs that have fallen silent, and forgets those silent for long.
   [[nodiscard]] std::vector<std::string> pass(MonotonicTime now);
 
   /// The rigs that were seen, by name, for an operator.

@@ -37,7 +37,7 @@ NamedMap named(const std::string& wanted, const FindMap& find) {
   refuse(ErrorCode::kNotFound, "no map is called '" + wanted + "'; `cairnctl maps` lists them");
 }
 
-/// Nothing: "all".
+/// The map that is called so; nothing: "all".
 std::optional<NamedMap> map_or_all(const std::string& wanted, const FindMap& find) {
   if (wanted == "all") return std::nullopt;
   return named(wanted, find);
@@ -271,7 +271,7 @@ std::vector<Subject> named_in(const asked::ChangeRights& ask) {
   return std::visit(cases, ask.what);
 }
 
-/// Empty: there is one.
+/// A note on a client that has no keys and has not connected, or whose keys are revoked; else empty.
 std::string note_on_client(const std::string& name, const KnownClients& known) {
   if (known.revoked.contains(name))
     return "the keys of client " + name + " are revoked: it may do nothing, whatever the rules say";

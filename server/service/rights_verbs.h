@@ -45,8 +45,8 @@ struct RightsChange {
                                                  const std::string& operator_name, const FindMap& find,
                                                  Timestamp now);
 
-/// Notes for a person whom of those that a request names nobody knows; empty: all are known. `rights`: as
-/// they have become by it.
+/// A note for a person on clients and groups of a request that are not known, or whose keys are revoked;
+/// empty: there is nothing to note. `rights`: as the request has made them.
 [[nodiscard]] std::string note_on_names(const Rights& rights, const asked::ChangeRights& ask,
                                         const KnownClients& known);
 

@@ -38,11 +38,11 @@ struct ResumedMap {
 class ServedMaps {
  public:
   struct Listener {
-    /// A map is about to be shown as the store has kept it.
+    /// Called when a map is about to be shown as the store has kept it.
     std::function<void(ResumedMap& map)> restored;
-    /// It has another revision, which is the entry's by now.
+    /// Called when a map has another revision, which is the entry's by now.
     std::function<void(MapId map, MapEntry& entry, MapRevision revision)> shown;
-    /// It has been deleted, or was never made (then nobody was told of it).
+    /// Called when a map has been deleted, or was never made (then nobody was told of it).
     std::function<void(MapId map, bool was_shown)> gone;
   };
   explicit ServedMaps(const ServiceContext& context)
@@ -64,10 +64,10 @@ class ServedMaps {
   /// Makes a map ready that the store gives back: the part that takes time. Thread-safe.
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
-  /// Puts another state of a map that is served in its place. Returns the labels of both; nothing: the map
-  /// has gone.
+  /// Puts another state of a map that is served in its place. Returns the ids of the labels of both states;
+  /// nothing: the map has gone.
   [[nodiscard]] std::optional<std::set<LabelId>> replace(ResumedMap map);
-  /// Takes another revision of a map.
+  /// Shows another revision of a map, unless the map has gone or its seed is not decided yet.
   void change(MapId map, MapRevision revision);
   /// Forgets a map that has been deleted, or was never made.
   void forget(MapId map);

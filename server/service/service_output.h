@@ -14,7 +14,7 @@ struct MapUnlisted {
   MapId map;
   bool was_listed = true;  ///< else its name is not to be learnt from this either
 };
-/// Withdraws what was told of a client's camera as self-calibration in a map found it.
+/// Withdraws the estimate of a client's camera that self-calibration in a map had made.
 struct EstimateDropped {
   ClientId client;
   uint32_t camera = 0;
@@ -32,16 +32,17 @@ class ServiceOutput {
  public:
   virtual ~ServiceOutput() = default;
 
-  /// Tells an event to a client that is connected. Error: it could not be written, and is lost.
+  /// Tells an event to a client that is connected; MapUnlisted also to others, whose readers of the map may
+  /// be there. Error: it could not be written, and is lost.
   [[nodiscard]] virtual Status tell(const std::string& client, const ClientEvent& event) = 0;
-  /// Answers an operator, once more where he asks again.
+  /// Answers an operator; the same answer once more where he asks again.
   [[nodiscard]] virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
 
   /// Shows another revision of a map, its first perhaps, to all that follow it (PublishedMaps::follow()).
   virtual void revised(MapId map, const MapSnapshotPtr& newest) = 0;
   virtual void labelled(const wire::LabelMessage& label) = 0;
   virtual void label_removed(MapId map, LabelId label) = 0;
-  /// Ends a map that is not there any more: nobody follows it.
+  /// Ends the feeds of a map that is not there any more.
   virtual void ended(MapId map) = 0;
 };
 

@@ -22,10 +22,10 @@ class Sessions {
   Sessions(const Sessions&) = delete;
   Sessions& operator=(const Sessions&) = delete;
 
-  /// A tracker's word on itself. Whether it counts: another live process may hold the name.
+  /// Takes a tracker's word on itself. Returns whether it counts: another live process may hold the name.
   bool hear(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
             const wire::TrackerStateMessage& message);
-  /// Takes a camera that a process announces under this name; more of them may send.
+  /// Takes a camera that a process announces under this name; several processes may do so.
   void announce(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera);
   /// Whether a command of this session is of the process that holds the name.
   [[nodiscard]] bool holds(const Client& client, SessionId session) const {
@@ -39,10 +39,10 @@ class Sessions {
   void fell_silent(ClientId id);
   /// Notes that the client is not there any more.
   void left(const std::string& name);
-  /// The process that holds the name now is not served any more; another may come. Error kNotFound.
+  /// Ends the service of the process that holds the name now; another may come. Error kNotFound.
   [[nodiscard]] Status kick(const std::string& name);
 
-  /// Clients that are heard.
+  /// Number of clients that are heard.
   [[nodiscard]] int live_count(MonotonicTime now) const { return presence_.live_count(now); }
   [[nodiscard]] WearerRule& wearers() { return wearers_; }
   [[nodiscard]] const WearerRule& wearers() const { return wearers_; }

@@ -41,9 +41,9 @@ class SiteAccess {
   [[nodiscard]] static Result<std::unique_ptr<SiteAccess>> open(const std::filesystem::path& folder,
                                                                 SiteKind kind, Clock clock,
                                                                 const Logger& log);
-  /// Notes the fingerprint of the authority that a secured site's keys are of; a task of `site`. Where the
-  /// store was last used with keys of another, that is said this once, in the log and on record, with what to
-  /// do. Errors: kDamaged, kIo.
+  /// Notes the fingerprint of the authority that a secured site's keys are of. To be called in a task of
+  /// `site`. Where the store was last used with keys of another authority, that is said this once, in the log
+  /// (with what to do) and on record. Errors: kDamaged, kIo.
   [[nodiscard]] Status know_authority(const std::string& fingerprint);
   /// Sets the executors. To be called before anything of what follows.
   void run_by(Executors executors) { executors_.emplace(std::move(executors)); }
@@ -67,17 +67,18 @@ class SiteAccess {
   [[nodiscard]] const Rights& rights() const { return newest_; }
   /// Writes an entry into the audit log, soon; what the disk does not take waits until it does.
   void note(AuditEntry entry);
-  /// Likewise, and into the server's log: somebody was not let in by the transport, as who he says he is.
+  /// Writes into audit log and server's log that the transport did not let somebody in, by the name that he
+  /// gives.
   void note_refused(const std::string& who, const std::string& why);
-  /// Likewise: somebody is not heard, or is not any more, though he speaks.
+  /// Writes into both logs that somebody is not heard, or not any more, though he speaks.
   void note_turned_away(const Principal& who, const std::string& why);
   /// Tries to write what waits, now and then; to be called often.
   void try_again();
   /// Finds entries of the audit log. Error kRefused: nothing is kept.
   void find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done);
 
-  /// Which clients have keys, and the groups that these name, which count in rights from now on; nothing: an
-  /// open site, where nobody has any.
+  /// Sets which clients have keys, and the groups that these name: they count in rights from now on. Nothing:
+  /// an open site, where nobody has keys.
   void know_clients(std::optional<GroupsOfClients> clients);
   [[nodiscard]] const std::optional<GroupsOfClients>& clients_with_keys() const { return clients_; }
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kMostBackingUp = 64;
 
-/// Id of a part of the store that is a map in service, or could be.
+/// Id of the map whose file a part of the store is, if it is one of those in use; nothing for other parts.
 std::optional<MapId> map_of(const std::string& part) {
   constexpr std::string_view kMaps = "maps/";
   if (!is_backup_part(part) || !part.starts_with(kMaps)) return std::nullopt;

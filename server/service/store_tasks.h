@@ -14,7 +14,8 @@ namespace cairn {
 void on_store_strand(const ServiceContext& context, const AdminAnswer& answer,
                      std::function<Task(Store& store)> work);
 
-/// The same, once all that was handed in of the map before is in its file; or that is the answer.
+/// on_store_strand(), once all that was handed in of the map before is in its file; if it does not get there,
+/// the answer says so.
 void on_store_strand_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
                                std::function<Task(Store& store)> work);
 

@@ -29,7 +29,7 @@ class TurnThread : public Turns {
 
  private:
   void run(const Turn& turn);
-  /// False where it threw.
+  /// Takes a turn. False: it threw.
   [[nodiscard]] bool take(const Turn& turn, std::optional<MonotonicTime>* next) const;
 
   const std::string name_;

@@ -38,11 +38,12 @@ class WearerRule {
  public:
   /// A pose older than that says nothing of where the wearer is.
   static constexpr std::chrono::milliseconds kFresh{500};
-  /// A place that is not confirmed in so many queries in a row is looked for in all maps.
+  /// After so many queries in a row that were not confirmed in the maps of the wearer's other cameras, all
+  /// maps count (kFirst).
   static constexpr int kQueries = 2;
-  /// Ratio of the inliers in another map to those in the maps that the search was narrowed to, from which
-  /// they are clearly more. Measured once to choose: two maps of one place, with two to five keyframes, have
-  /// counts that differ by 1.35 at most; by 2.6 where one has a quarter of the other's points.
+  /// Ratio of the inliers in another map to those in the maps of the wearer's other cameras, above which they
+  /// are clearly more. Measured once to choose it: two maps of one place, with two to five keyframes, have
+  /// counts whose ratio is 1.35 at most; 2.6 where one has a quarter of the other's points.
   static constexpr double kClearlyMore = 2;
 
   explicit WearerRule(WearerOptions options) : options_(std::move(options)) {}
@@ -55,10 +56,10 @@ class WearerRule {
   };
   void heard(const std::string& client, const Word& word, MonotonicTime now);
   void left(const std::string& client) { cameras_.erase(client); }
-  /// Empty: nobody in particular.
+  /// The wearer of a client's camera; empty: nobody in particular.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
-  /// Maps in which a client's query is searched.
+  /// The maps in which a client's query is searched, and which of them first.
   struct Search {
     SearchScope scope;
     bool in_part = false;  ///< not in all of the maps that the client may find itself in

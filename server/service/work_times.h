@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// Quantiles of one kind of work.
+/// Count and quantiles of one kind of work.
 struct WorkSummary {
   std::string name;
   size_t count = 0;
@@ -32,7 +32,8 @@ class WorkTimes {
   /// Counts the processor time of judging an offer and taking it in. Offers that are refused before their
   /// image is decoded count as well, and take much less than the others.
   void judged(std::chrono::nanoseconds cpu);
-  /// Counts the processor time of a piece of work, whatever it was interrupted by.
+  /// Counts the processor time of a piece of work, of all its parts if it was interrupted, and the
+  /// observations of an adjustment.
   void worked(const StepReport& report, std::chrono::nanoseconds cpu);
   /// Counts the time from when an offer came to the revision with the points made of it.
   void points_published(std::chrono::nanoseconds wall);

@@ -14,9 +14,9 @@
 
 namespace cairn {
 
-/// Threads that run tasks, urgent ones first, in the order of submission. Two pools make the two executors of
-/// the server: one at normal priority for what a tracker waits for, one with a nice value for global
-/// adjustments, so that these give way at once. Thread-safe.
+/// Threads that run tasks, urgent ones first, in the order of submission. Each executor of the server is one
+/// (README.md, Threads): at normal priority for what a tracker or a change of rights waits for, with a nice
+/// value for the rest, so that it gives way at once. Thread-safe.
 class WorkerPool : public Executor {
  public:
   /// `nice_value` is added to the priority of the threads (0..19, larger is lower).
@@ -31,7 +31,7 @@ class WorkerPool : public Executor {
   }
   /// Ends the threads, too.
   void stop() override;
-  /// Likewise, when all that waits has been done. Nothing more is taken.
+  /// Ends the threads when all that waits has been done. Nothing more is taken.
   void finish();
 
   [[nodiscard]] float take_load() override;
@@ -51,7 +51,7 @@ class WorkerPool : public Executor {
   std::vector<std::thread> threads_;
 };
 
-/// A Parallel of so many threads, which live no longer than a call.
+/// A Parallel on so many threads, which live no longer than a call.
 [[nodiscard]] Parallel on_threads(int threads);
 
 }  // namespace cairn

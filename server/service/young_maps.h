@@ -20,12 +20,12 @@ namespace cairn {
 /// are handed in. Used from one thread.
 class YoungMaps {
  public:
-  /// Time for which a map has to be tracked to be no longer young.
+  /// Time for which its maker may track a map until it is young no longer.
   static constexpr std::chrono::seconds kYouth{1};
   /// Nothing is concluded from the silence of a maker: trackers speak several times a second.
   static constexpr std::chrono::seconds kSilence{3};
 
-  /// State of a tracker, as it says itself.
+  /// What a tracker says of its state.
   struct Word {
     SessionId session;
     TrackingState state = TrackingState::kStarting;
@@ -40,7 +40,7 @@ class YoungMaps {
 
   void made(MapId map, std::string maker, SessionId session);
   void heard(const std::string& client, const Word& word, MonotonicTime now);
-  /// Notes that a client has gone.
+  /// Notes that a client has gone: the maps that it made are not dropped any more.
   void left(const std::string& client);
   /// Forgets a map that is of use or is no more: somebody has been found in it, it has grown, been named,
   /// labelled.

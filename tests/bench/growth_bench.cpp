@@ -37,7 +37,7 @@ struct Arguments {
 
 // ---- maps of any size ----
 
-/// Extent of a map, and where those who made it looked.
+/// Extent of a map, and the direction in which those who made it looked.
 struct Extent {
   Eigen::Vector3d looking;  ///< unit
   double radius;            ///< about their middle, nine points in ten [map unit]

@@ -163,7 +163,7 @@ std::string text(const std::optional<size_t>& frame) {
   return frame ? fmt::format("{}", *frame) : "-";
 }
 
-/// Null for no frame.
+/// The number of a frame as JSON; null for no frame.
 nlohmann::json json_of(const std::optional<size_t>& frame) {
   return frame ? nlohmann::json(*frame) : nlohmann::json();
 }

@@ -17,8 +17,8 @@ struct KeptMap {
   std::vector<StampedPose> poses;  ///< map_from_camera, that the tracker or the map maker gave
 };
 
-/// Keeps a map as folder/NAME.cairn, a map file, and its poses as folder/NAME.txt, a trajectory; what is
-/// there is replaced.
+/// Keeps a map as folder/NAME.cairn, a map file, and `poses` as folder/NAME.txt, a trajectory. Replaces what
+/// is there.
 [[nodiscard]] Status keep_map(const std::filesystem::path& folder, const std::string& name, const MapId& map,
                               const MapRecord& record, const std::vector<StampedPose>& poses);
 

@@ -23,7 +23,7 @@ class MappingObserver {
   /// Called before anything is done about the result.
   virtual void on_frame(const Frame&, const FrameResult&, double /*ms*/) {}
   virtual void on_answer(const RelocalizationAnswer&) {}
-  /// Called when the map's first work is done; `ms`: of the start alone.
+  /// Called when the map's first work is done, or the seed was refused; `ms`: of the start alone.
   virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
   virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
   virtual void on_work(const StepReport&, double /*ms*/) {}
@@ -59,7 +59,7 @@ class MappingLoop {
 
   void frame(const Frame& frame);
 
-  /// Null without a map.
+  /// The map maker; null without a map.
   [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
   /// The record of all of the map. Precondition: there is one.

@@ -320,7 +320,7 @@ bool are_quick(const AnswerTimes& times) {
          percentile(times.by_words(), 0.95) <= kMostWithWords;
 }
 
-/// An error that names what is left out, and with --check what does not hold.
+/// Judges a run: an error names what is left out, and with --check what does not hold.
 Status judge_run(const Places& places, const std::vector<Scores>& totals, const Arguments& arguments) {
   std::vector<std::string> wrong;
   if (!places.left_out.empty())

@@ -45,7 +45,7 @@ Still prepare(const CameraPtr& camera, const PosedStill& posed, KeyframeId id) {
   return still;
 }
 
-/// Index, for each corner, of the one of the other still that is clearly most like it; -1: none.
+/// For each corner, the index of that corner of the other still that is clearly most like it; -1: none.
 std::vector<int> nearest_in(const Still& a, const Still& b) {
   std::vector<int> nearest;
   nearest.reserve(a.corners.size());

@@ -18,7 +18,7 @@ class Truth {
   explicit Truth(const Trajectory& trajectory);
   /// truth_from_camera of the frame; null: none near enough.
   [[nodiscard]] const SE3* at(Timestamp time) const;
-  /// The same, between two poses too that are not far apart.
+  /// truth_from_camera at a time, interpolated between two poses that are not far apart; nothing: none are.
   [[nodiscard]] std::optional<SE3> interpolated(Timestamp time) const;
   [[nodiscard]] bool empty() const { return poses_.empty(); }
 

@@ -103,7 +103,7 @@ class BuildingBuilder {
             (degrees + random.uniform(-8.0, 8.0)) * std::numbers::pi / 180};
   }
 
-  /// Adds the counter with shadows of what stands on it, so it is added last.
+  /// Adds the counter, with the shadows of what stands on it: to be called when all that has been added.
   void add_counter(double width, double depth, Random& random) {
     Bitmap picture = wood(1024, 512, random);
     world_.paint_shadows(&picture, width, depth);
@@ -120,12 +120,12 @@ class BuildingBuilder {
                    {world_.add_texture(doors, 0.3), board_, board_});
   }
 
-  /// Adds an image on the wall behind, where `y` is as near as no thing is.
+  /// Adds an image on the wall behind: just before the wall, and farther back than any thing.
   void add_picture(const Bitmap& picture, double x, double z, double width, double height, double warmth) {
     world_.add_panel({x, 0.398, z}, {width, 0, 0}, {0, 0, height}, world_.add_texture(picture, warmth));
   }
 
-  /// Adds the light that a low sun throws through a window of two panes.
+  /// Adds the light that a low sun throws through a window of two panes, if it shines.
   void add_sun(double x, double z, Random& random) {
     const double shift = random.uniform(-0.2, 0.2);  // drawn in any light
     if (!world_.light().sunlit) return;

@@ -16,7 +16,7 @@ namespace cairn {
 [[nodiscard]] Scenario make_roll(const ScenarioOptions& options);
 /// The camera is turned to the blank wall and back, at up to 30, 90 and 150 degrees/s.
 [[nodiscard]] Scenario make_look_away(const ScenarioOptions& options);
-/// Likewise, under a line of text that stands still.
+/// The motion of make_look_away(), under a line of text that stands still.
 [[nodiscard]] Scenario make_watermark(const ScenarioOptions& options);
 /// The route of the desk, with smaller turns, in the round image of an endoscope: black around it, with a
 /// notch.

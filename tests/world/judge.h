@@ -126,7 +126,7 @@ struct Verdict {
 [[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent = MapExtent::kOnePlace,
                             const std::optional<std::vector<PlacedLabel>>& labels = {});
 
-/// For people: one row a place, then the sums. And for machines: one JSON document.
+/// The verdict for people: one row a place, then the sums. And for machines: one JSON document.
 [[nodiscard]] std::string verdict_text(const Verdict& verdict);
 [[nodiscard]] std::string verdict_json(const Verdict& verdict);
 

@@ -263,7 +263,7 @@ class OfficeBuilder {
                     surfaces, &world_);
   }
 
-  /// Position of somebody on the aisle before a desk, the hand at chest height.
+  /// Position of the hand, at chest height, of somebody who stands on the aisle before a desk.
   [[nodiscard]] Eigen::Vector3d aisle(int desk) const {
     return map_from_desk_[static_cast<size_t>(desk)] * Eigen::Vector3d(0, -1.05, 0.55);
   }

@@ -13,7 +13,7 @@ namespace cairn {
 class RouteBuilder {
  public:
   void add(PhaseKind kind, int place, std::span<const Waypoint> waypoints);
-  /// The present waypoint of the hand. Precondition: there is one.
+  /// The waypoint that was added last. Precondition: there is one.
   [[nodiscard]] const Waypoint& last() const { return route_.back(); }
   [[nodiscard]] bool empty() const { return route_.empty(); }
   /// Seconds on the clock of the route until what is added next.
@@ -36,8 +36,8 @@ class RouteBuilder {
 /// Waypoints of a look at a place by one who comes by.
 [[nodiscard]] std::vector<Waypoint> glance(const SE3& map_from_place, double scale, Random& random);
 
-/// Waypoints on foot along a line of points (eye height), from a waypoint to the first of what comes next;
-/// looking ahead and down, or slowly, turning from the first view to the last only.
+/// Waypoints of a walk along a line of points (eye height), from a waypoint to the first of what comes next.
+/// The wearer looks ahead and down; or goes slowly, turning only from the first view to the last.
 [[nodiscard]] std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d> through,
                                          const Waypoint& to, Walks how, Random& random);
 

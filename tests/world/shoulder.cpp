@@ -24,7 +24,7 @@ constexpr int kStations = 21;
 
 enum Stream : uint64_t { kSurfaces = 0x5401, kStand, kThings, kWalls };
 
-/// One that is nowhere else.
+/// Adds an image that is nowhere else.
 TextureRegion add_picture(Random& random, WorldBuilder* world) {
   switch (random.integer(0, 3)) {
     case 0:

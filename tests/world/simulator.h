@@ -24,7 +24,7 @@ namespace cairn {
 
 constexpr double kSimulatorFrameRate = 30;  // Hz
 
-/// Options that the URI of a `sim:` source and those of cairn-sim can set.
+/// Settings that the URI of a `sim:` source and the options of cairn-sim can change.
 struct SimulatorOptions {
   uint64_t seed = 1;  ///< of the world, the route, the hand and the noise
   Carrier carrier = Carrier::kHand;

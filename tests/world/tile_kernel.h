@@ -54,8 +54,8 @@ constexpr size_t kMaxCoverageShifts = 2;
 struct TileSample {
   std::span<const TileFace> faces;
   RayShift shading;  ///< where texture is looked up
-  /// Displacements at which faces are told apart, 1 to kMaxCoverageShifts. Texture, which costs most, is
-  /// looked up once for all of them (multisample anti-aliasing).
+  /// Displacements at which faces are told apart: 1 to kMaxCoverageShifts of them. Texture, which costs most,
+  /// is looked up once for all of them (multisample anti-aliasing).
   std::span<const RayShift> coverage;
   float weight = 1;
 };

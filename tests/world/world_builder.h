@@ -43,12 +43,11 @@ class WorldBuilder {
   /// Adds to what there is.
   WorldBuilder(Scenario scenario, const Light& light) : light_(light), scenario_(std::move(scenario)) {}
 
-  /// Begins a body: what is added from here on stands in this frame, is part of the place and moves with the
-  /// body.
+  /// Begins a frame: what is added from here on stands in it, is part of the place and moves with the body.
   void begin(const SE3& body_from_frame, int place = -1, int body = 0);
   [[nodiscard]] const Light& light() const { return light_; }
 
-  /// The whole picture, as a region.
+  /// Adds a bitmap as a texture. Returns the region that is all of it.
   TextureRegion add_texture(const Bitmap& picture, double warmth = 0);
   /// A material of nearly one grey value.
   TextureRegion add_plain(float value);

@@ -18,7 +18,7 @@ class SimulatedClient {
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool is_connected() const { return is_connected_; }
-  /// What is to be done by now.
+  /// Does what is to be done by now.
   void act();
   /// Something is on its way to it.
   void receive(const Delivery& delivery);

@@ -62,7 +62,7 @@ class History {
   void proposed(const std::string& id);
   /// Notes the decision on a proposal. `keyframe` nothing: it was dropped.
   void decided(const std::string& id, MapId map, std::optional<KeyframeId> keyframe);
-  /// The maps that a backup that is begun now has.
+  /// What is known of each map that a backup must hold which is begun now.
   [[nodiscard]] std::map<MapId, MadeMap> made_so_far() const { return maps_; }
 
   /// Maps of which somebody has heard that they were made.
@@ -74,8 +74,8 @@ class History {
   /// A store that was restored from a backup: what was known of each map when its copy was asked for is
   /// there.
   void check_restored(const std::filesystem::path& folder, const std::map<MapId, MadeMap>& known);
-  /// Checks, when nothing is under way, that each client is told of the maps that it may read, by their right
-  /// names.
+  /// Checks that each client has been told of just those maps that it may read, by their right names. To be
+  /// called when nothing is under way.
   void check_listed(const std::set<std::string>& connected_clients);
 
  private:

@@ -49,7 +49,7 @@ class LoneClientFixture : public ::testing::Test {
     ASSERT_TRUE(snapshot_);
   }
 
-  /// A server starts, and its client is there.
+  /// Starts a server, and connects its client.
   void begin() {
     InProcess::Listener listener{[this](const std::string&, const Delivery& delivery) { hear(delivery); },
                                  [this](const std::string&, const wire::AdminReply& reply) {
@@ -80,14 +80,14 @@ class LoneClientFixture : public ::testing::Test {
     settle();
   }
 
-  /// Its process is there.
+  /// Says that the client's process is there.
   void speak() {
     wire::TrackerStateMessage state;
     state.client = id_;
     state.session = session_;
     (void)server_->service().sessions().hear(client_principal(kClient), publication_, process_, state);
   }
-  /// Does all that is to be done now.
+  /// Lets two seconds pass, and does all that is to be done meanwhile.
   void settle() {
     for (int i = 0; i < 40; ++i) {
       clock_->advance(std::chrono::milliseconds(50));
@@ -126,7 +126,7 @@ class LoneClientFixture : public ::testing::Test {
     speak();
     server_->service().take(client_principal(kClient), *command);
   }
-  /// Sends a command until it is decided, as trackers do; why it is refused, by whomever.
+  /// Sends a command until it is decided, as trackers do. Returns why it is refused, by whomever; else "".
   template <typename Command>
   std::string judge(Command command) {
     command.client = id_;

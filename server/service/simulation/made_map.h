@@ -39,7 +39,7 @@ class MadeMap {
   void tag(const std::string& name, std::set<KeyframeId> shown, Moment now);
   [[nodiscard]] std::set<std::string> tags() const;
   void ask_to_roll_back(const std::string& tag, Epoch now);
-  /// Notes that a roll-back was done. Returns what is wrong with what is shown then.
+  /// Notes that a roll-back was done. Returns what is wrong with what is shown then; nothing: all is right.
   [[nodiscard]] std::optional<std::string> roll_back(const MapSnapshot& newest, Moment now);
   void refuse_roll_back() { rolling_back_.reset(); }
 

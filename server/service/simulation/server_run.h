@@ -40,7 +40,7 @@ class ServerRun {
   void tick_if_due();
   /// Ends the server, as Service::close() does.
   void end();
-  /// Ends the server as a process that is killed: nothing that waits is done.
+  /// Ends the server as if its process were killed: nothing that waits is done.
   void kill();
 
  private:

@@ -167,7 +167,7 @@ std::string Run::waits_for() const {
   return {};
 }
 
-/// Runs in a calm world until all that was begun is decided.
+/// Runs in a calm world until all that was begun is decided; that it is not within kCalm is a violation.
 void Run::come_to_an_end() {
   world_.is_calm = true;
   if (world_.server != nullptr && world_.disk.is_cut()) stop_server(true);

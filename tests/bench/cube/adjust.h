@@ -68,10 +68,9 @@ Eigen::Matrix<T, 2, 1> ellipse_centre(const Eigen::Matrix<T, 3, 1>& centre, cons
   return {dual(0, 2) / dual(2, 2), dual(1, 2) / dual(2, 2)};
 }
 
-/// Adjusts camera, box and poses to the sightings. Two passes: a Cauchy loss finds the scale of the
-/// residuals, one scaled
-/// by it makes the estimate; `scale` [px], if known from a like problem, saves the first. Error kDegenerate
-/// when the sightings do not determine it.
+/// Adjusts camera, box and poses to the sightings in two passes. The first, with a Cauchy loss, gives the
+/// scale of the residuals; the second, with a loss scaled by it, makes the estimate. `scale` [px], if known
+/// from a like problem, saves the first. Error kDegenerate when the sightings do not determine it.
 [[nodiscard]] Result<CameraFit> fit_to_dots(const std::vector<DotSighting>& sightings,
                                             const CubeCamera& start, const Freedom& freedom,
                                             double scale = 0);
