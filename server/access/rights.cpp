@@ -302,7 +302,7 @@ const Grant* Rights::deciding(const std::vector<const Grant*>& grants, Timestamp
   return found == grants.end() ? nullptr : *found;
 }
 
-Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) const {
+Ruling Rights::rule_unless_frozen(const std::string& client, const MapId& map, Timestamp now) const {
   Ruling ruling;
   ruling.reason = why_blocked(client);
   if (!ruling.reason.empty()) return ruling;
@@ -314,6 +314,11 @@ Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) 
     if (!grants.empty())
       ruling.reason += "; what was granted has expired " + to_utc(*grants.front()->expires);
   }
+  return ruling;
+}
+
+Ruling Rights::rule(const std::string& client, const MapId& map, Timestamp now) const {
+  Ruling ruling = rule_unless_frozen(client, map, now);
   const auto frozen = frozen_.find(map);
   if (frozen != frozen_.end() && ruling.right > Right::kRead) {
     ruling.right = Right::kRead;
@@ -362,7 +367,7 @@ std::vector<RuleSeen> Rights::explain(const std::string& client, const MapId& ma
   if (const auto blocked = blocked_.find(client); blocked != blocked_.end())
     see(reason_of("client " + client + " is blocked", blocked->second), false);
   const auto frozen = frozen_.find(map);
-  if (frozen != frozen_.end() && rule(client, map, now).right == Right::kRead)
+  if (frozen != frozen_.end() && rule_unless_frozen(client, map, now).right > Right::kRead)
     see(reason_of("the map is frozen", frozen->second), false);
   for (const Grant* grant : grants_for(client, map)) {
     see(to_string(grant->subject) + (grant->map ? ", this map: " : ", all maps: ") + words_of(*grant),

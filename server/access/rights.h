@@ -175,6 +175,7 @@ class Rights {
   using Key = std::pair<Subject, std::optional<MapId>>;
   [[nodiscard]] std::vector<const Grant*> grants_for(const std::string& client, const MapId& map) const;
   [[nodiscard]] std::vector<Subject> subjects_of(const std::string& client) const;
+  [[nodiscard]] Ruling rule_unless_frozen(const std::string& client, const MapId& map, Timestamp now) const;
   [[nodiscard]] std::string reason_to_create(const Subject* decides, bool may) const;
   [[nodiscard]] const Grant* deciding(const std::vector<const Grant*>& grants, Timestamp now) const;
 

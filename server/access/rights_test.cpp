@@ -244,6 +244,9 @@ TEST_F(RightsTest, AnExplanationNamesTheRuleThatDecides) {
   EXPECT_EQ(seen[3].part, Part::kOutweighed);
   ASSERT_TRUE(rights_.freeze(kDesk, Closure{"ops", kNow, ""}));
   EXPECT_EQ(rights_.explain("ann", kDesk, kNow)[0].part, Part::kDecides) << "the freeze";
+  const auto of_reader = rights_.explain("ben", kDesk, kNow);
+  EXPECT_EQ(of_reader[0].part, Part::kDecides);
+  EXPECT_EQ(of_reader[0].rule, "everyone, all maps: read") << "a freeze takes nothing from who only reads";
 }
 
 TEST(RightsPolicyTest, AnOperatorMayAskForWhatItsRoleAllows) {

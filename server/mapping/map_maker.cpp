@@ -412,10 +412,11 @@ double MapMaker::reprojection_rms() const {
   double sum = 0;
   size_t measurements = 0;
   for (const MapKeyframe& k : map.keyframes()) {
-    measurements += k.measurements.size();
     for (const Measurement& m : k.measurements) {
       const auto pixel = k.camera->project(k.camera_from_map * map.point(m.point).position);
-      if (pixel) sum += (*pixel - m.pixel.cast<double>()).squaredNorm();
+      if (!pixel) continue;
+      sum += (*pixel - m.pixel.cast<double>()).squaredNorm();
+      ++measurements;
     }
   }
   return measurements > 0 ? std::sqrt(sum / static_cast<double>(measurements)) : 0;

@@ -216,7 +216,7 @@ class MapMaker {
   /// Some hundred microseconds for ten thousand points.
   [[nodiscard]] MapStatistics statistics() const;
   /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now; those
-  /// whose point does not project count as 0. Takes some milliseconds, so it is not for every revision.
+  /// whose point does not project do not count. Takes some milliseconds, so it is not for every revision.
   [[nodiscard]] double reprojection_rms() const;
 
   /// Returns what has to be kept of the changes since the last call; the first time, all of the map.

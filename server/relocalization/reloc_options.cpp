@@ -59,13 +59,13 @@ OptionList list_options(RefineOptions* o) {
 
 OptionList list_options(SettleOptions* o) {
   OptionList list(member_count<SettleOptions>() - 1 + o->radii.size());
-  list.add("aside", &o->aside, kShare, "mean depths, and rad");
+  list.add("aside", &o->aside, kShare, "median depths, and rad");
   list.add("most_moves", &o->most_moves, {0, 1000});
   list.add("nearly_as_good", &o->nearly_as_good, kShare, "of the support");
   list.add("most_refined", &o->most_refined, {0, 1000}, "poses");
   list.add("sampled", &o->sampled, {3, 1e6}, "points");
   add_radii(&o->radii, "px of the corner's level", &list);
-  list.add("same", &o->same, kShare, "mean depths plus rad");
+  list.add("same", &o->same, kShare, "median depths plus rad");
   return list;
 }
 
@@ -113,7 +113,7 @@ OptionList list_options(ConfirmOptions* o) {
   list.add("clear_evidence", &o->clear_evidence, kCorrelation);
   list.add("least_evidence", &o->least_evidence, kCorrelation);
   list.add("least_similarity", &o->least_similarity, kCorrelation, "correlation");
-  list.add("most_sigma", &o->most_sigma, kNearness, "mean depths");
+  list.add("most_sigma", &o->most_sigma, kNearness, "median depths");
   list.add_part("by_image", list_options(&o->by_image));
   list.add_part("by_points", list_options(&o->by_points));
   list.add_part("by_extent", list_options(&o->by_extent));

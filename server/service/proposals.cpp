@@ -175,7 +175,7 @@ void Proposals::drop_old() {
     const auto entry = maps_.all().find(map);
     if (entry == maps_.all().end() || entry->second.rolling_back) continue;  // later
     for (const uint64_t number : numbers)
-      context_.log->info("proposal {} is dropped: nobody has decided of it for long",
+      context_.log->info("proposal {} is dropped: nobody has decided on it for long",
                          proposal_id(map, number));
     remove(map, numbers);
   }

@@ -186,7 +186,7 @@ Result<int64_t> SiteFile::prune(int64_t most) {
   at_most_ = std::transform_reduce(counts->begin(), counts->end(), int64_t{0}, std::plus<>(),
                                    [](const auto& one) { return one.second; });
   if (at_most_ <= most) return 0;
-  const int64_t before = at_most_;
+  int64_t removed = 0;
   const int64_t share = fair_share(*counts, most - most / 100);  // with room for some: counting takes time
   auto remove = database_.prepare(
       "DELETE FROM audit WHERE number IN (SELECT number FROM audit WHERE who = ?1 ORDER BY number LIMIT ?2)");
@@ -195,10 +195,11 @@ Result<int64_t> SiteFile::prune(int64_t most) {
     if (entries <= share) continue;
     if (Status done = remove->bind(0, who).bind(1, entries - share).run(); !done)
       return tl::unexpected(done.error());
-    at_most_ -= entries - share;
+    removed += entries - share;
   }
   if (Status done = transaction->commit(); !done) return tl::unexpected(done.error());
-  return before - at_most_;
+  at_most_ -= removed;
+  return removed;
 }
 
 Result<std::vector<std::pair<std::string, int64_t>>> SiteFile::entries_of_each() {

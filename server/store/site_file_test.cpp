@@ -140,6 +140,21 @@ TEST_F(SiteFileTest, WhoHasMostEntriesLosesTheOldest) {
   EXPECT_THAT(times(&file, {}), ElementsAre(22, 21, 20, 15, 14, 13, 5, 4));
 }
 
+/// A disk that is full for a while, say.
+TEST_F(SiteFileTest, WhatCouldNotBeRemovedIsRemovedTheNextTime) {
+  SiteFile file = open();
+  for (int i = 1; i <= 10; ++i) ASSERT_TRUE(file.append(std::vector{entry(i, "server", "start")}));
+  const auto execute = [this](const char* sql) {
+    auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(database && database->execute(sql));
+  };
+  execute(
+      "CREATE TRIGGER full BEFORE DELETE ON audit WHEN old.number = 2 BEGIN SELECT RAISE(ABORT, 'full'); END");
+  EXPECT_FALSE(file.prune(3));
+  execute("DROP TRIGGER full");
+  EXPECT_EQ(*file.prune(3), 7);
+}
+
 TEST_F(SiteFileTest, RightsThatWereChangedByAnotherHandAreDamaged) {
   {
     SiteFile file = open();
