@@ -25,7 +25,9 @@ void DeadReckoning::follow_turn(const FrameImages& now, const SE3& camera_from_m
                                 double mean_depth, const MapSnapshot& map) {
   ++blind_frames_;
   ++frames_;
-  const Matrix6d covariance = sigma * sigma * Matrix6d::Identity();
+  Vector6d sigmas;
+  sigmas << Eigen::Vector3d::Constant(sigma * mean_depth), Eigen::Vector3d::Constant(sigma);
+  const Matrix6d covariance = sigmas.cwiseAbs2().asDiagonal();
   corners_.update(now, {camera_from_map, covariance, PoseSupport::kRotation, mean_depth}, map, {});
 }
 

@@ -57,7 +57,8 @@ class DeadReckoning {
                                                    const Depths& depths, const MapSnapshot& map);
 
   /// Goes on to `camera_from_map`, which the turn of the gyro alone gives from a pose reckoned before or
-  /// measured. `sigma` of the turn [rad], and of the position [map unit].
+  /// measured. `sigma` of the turn [rad], and of the position over
+  /// `mean_depth` [map unit].
   void follow_turn(const FrameImages& now, const SE3& camera_from_map, double sigma, double mean_depth,
                    const MapSnapshot& map);
   /// Goes on likewise by the small images' turn. `likeness` is how alike they are, the motion undone. False,

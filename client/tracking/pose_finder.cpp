@@ -99,6 +99,7 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
     return std::nullopt;
   seen_.found = estimate_.inliers;
   seen_.rms = estimate_.rms;
+  seen_.covariance = estimate_.covariance;
   // Only what agrees with the pose counts as found.
   for (size_t i = 0; i < observed_.size(); ++i) seen_.points[observed_[i]].found = estimate_.weights[i] > 0;
   return estimate_.camera_from_map;

@@ -111,9 +111,8 @@ class PoseFinder {
   [[nodiscard]] double rms() const {
     return seen_.rms;
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
-  /// Covariance of the pose fitted last, left tangent, for sigmas of 2^level px. That is another than
-  /// located() where a second look without the coarse stage found less.
-  [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
+  /// Covariance of the pose located, left tangent, for sigmas of 2^level px.
+  [[nodiscard]] const Matrix6d& covariance() const { return seen_.covariance; }
   /// Mean depth of the points found [map unit]; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
   /// The depth within which a tenth of the points searched lies, found or not [map unit]; nothing without
@@ -131,6 +130,7 @@ class PoseFinder {
     int found = 0;
     double rms = 0;
     std::optional<SE3> camera_from_map;
+    Matrix6d covariance = Matrix6d::Identity();
     bool used_coarse = false;
   };
 

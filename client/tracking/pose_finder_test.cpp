@@ -182,6 +182,12 @@ TEST(PoseFinder, TheBetterOfTwoLooksStays) {
   EXPECT_LT(center_distance(*pose, truth), 1e-3);
   EXPECT_EQ(finder.found(), std::ranges::count_if(finder.points(), &VisiblePoint::found));
   EXPECT_GT(finder.quality(), 0.5F);
+  PoseFinder once(camera, options);
+  once.use_map(scene.make_map(looking_down(0, 0)));
+  SearchEffort believing = normal_effort(options);
+  believing.doubts_coarse = false;
+  ASSERT_TRUE(once.locate(frame, start, believing, nullptr));
+  EXPECT_EQ(finder.covariance(), once.covariance()) << "is that of the look that stays";
 }
 
 /// The points of a map, each off its place by some pixels in another direction: all are found, and no pose
