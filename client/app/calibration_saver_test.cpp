@@ -29,13 +29,16 @@ Logger log_to(spdlog::sink_ptr sink) {
 
 class CalibrationSaverTest : public testing::Test {
  protected:
-  /// Tells it of a camera that is known well enough, and waits for the file.
-  Status save(const std::filesystem::path& path, spdlog::sink_ptr sink) {
-    CalibrationSaver saver(path, log_to(std::move(sink)));
+  CameraUpdate told(bool is_known) const {
     CameraUpdate update;
     update.camera = make_camera(camera_).value();
-    update.frozen = true;
-    saver.on_camera(update);
+    update.frozen = is_known;
+    return update;
+  }
+  /// Tells it of a camera that is known well enough, and waits for the file.
+  Status save(const std::filesystem::path& path, spdlog::sink_ptr sink) const {
+    CalibrationSaver saver(path, log_to(std::move(sink)));
+    saver.on_camera(told(true));
     return saver.finish([] { return false; });
   }
 
@@ -63,7 +66,7 @@ TEST_F(CalibrationSaverTest, WhatItsThreadThrowsIsTold) {
 
 TEST_F(CalibrationSaverTest, ACameraThatIsNotKnownIsNotWritten) {
   CalibrationSaver saver(directory_.path() / "camera.yaml", log_to(std::make_shared<FullLog>()));
-  saver.on_camera({});
+  saver.on_camera(told(false));
   const Status saved = saver.finish([] { return false; });
   ASSERT_FALSE(saved);
   EXPECT_EQ(saved.error().code, ErrorCode::kDegenerate);
